@@ -1,0 +1,14 @@
+"""The authoring kit: declare a component once, get a Python FMU and a native FMU.
+
+Importing this package is cheap; it needs only the standard library, because it travels inside the Python FMUs.
+"""
+
+from .component import Component, Effect, stack
+from .declare import Discrete, Input, Output, Parameter, Preset, State
+from .errors import UserError
+from .functions import clip, cos, exp, floor, log, maximum, minimum, sign, sin, sqrt, tanh, where
+
+__all__ = [
+    "Component", "Discrete", "Effect", "Input", "Output", "Parameter", "Preset", "State", "UserError",
+    "clip", "cos", "exp", "floor", "log", "maximum", "minimum", "sign", "sin", "sqrt", "stack", "tanh", "where",
+]  # fmt: skip

@@ -1,0 +1,214 @@
+"""Building FMUs: everything that goes into the archive, for both runtimes."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import re
+import sys
+import tempfile
+import uuid
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from . import archive, codegen, toolchain
+from .component import Component
+from .description import Capabilities, describe
+from .documentation import page
+from .errors import UserError
+from .parameters import to_ssv
+from .trace import Graph, trace
+
+KIT = Path(__file__).parent
+_FRONT_END = ("lifecycle.c", "access.c", "snapshot.c", "step.c")
+_ENGINES = {"native": ("native.c", "integrate.c"), "python": ("python.c", "library.c")}
+_GENERATED = {"native": ("model.c", "laws.c"), "python": ("model.c",)}
+_LIBRARIES = {"native": ("m",), "python": ()}
+_RUNTIME_MODULES = ("__init__", "component", "declare", "errors", "functions", "integrate", "slave")
+_FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
+_NO_GUID = "{00000000-0000-0000-0000-000000000000}"
+RUNTIMES = ("python", "native")
+
+
+def version() -> str:
+    """Version of this package."""
+    return importlib.metadata.version("ppy-rig")
+
+
+def build(
+    cls: type[Component],
+    runtime: str,
+    platforms: Sequence[str] | None = None,
+    remark: str = "",
+    progress: Callable[[str], None] = lambda text: None,
+) -> bytes:
+    """Build an FMU.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        A component, possibly with effects stacked on it.
+    runtime : {"python", "native"}
+        Laws interpreted by Python, or compiled from C.
+    platforms : sequence of str, optional
+        FMI platforms to compile for; default is every platform that a compiler here can serve.
+    remark : str
+        Added to the FMU's description.
+    progress : callable
+        Told what is being done, in a few words.
+
+    Returns
+    -------
+    bytes
+        The archive. The same sources give the same bytes.
+
+    Raises
+    ------
+    UserError
+        If no compiler is there, or a platform cannot be served.
+    """
+    if runtime not in RUNTIMES:
+        raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(RUNTIMES)}")
+    graph = trace(cls)
+    files = _common(cls, remark)
+    files |= _python_package(cls) if runtime == "python" else {}
+    names = (*_FRONT_END, *_ENGINES[runtime], *_GENERATED[runtime])
+    can = Capabilities(
+        needs_execution_tool=runtime == "python",
+        interpolates_inputs=runtime == "native",
+        directional_derivatives=runtime == "native",
+        sources=names if runtime == "native" else (),
+    )
+    sources = _sources(cls, graph, runtime, _NO_GUID)
+    guid = _guid(files | sources | {"modelDescription.xml": describe(cls, graph, can, version(), _NO_GUID, remark)})
+    sources = _sources(cls, graph, runtime, guid)
+    files["modelDescription.xml"] = describe(cls, graph, can, version(), guid, remark)
+    if runtime == "native":
+        files |= {f"sources/{name}": text for name, text in sources.items()}
+    with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
+        for name, contents in sources.items():
+            (Path(folder) / name).write_bytes(contents)
+        for target in platforms or available_platforms():
+            progress(f"compiling {cls.name} for {target} with {toolchain.find_compiler(target).label}")
+            library = toolchain.compile_library(
+                [Path(folder) / name for name in names], [Path(folder)], target, libraries=_LIBRARIES[runtime]
+            )
+            files[f"binaries/{target}/{cls.name}{toolchain.EXTENSIONS[target]}"] = library
+    return archive.pack(files)
+
+
+def available_platforms() -> list[str]:
+    """Platforms that a compiler on this machine can serve.
+
+    Raises
+    ------
+    UserError
+        If there is none, saying what to install.
+    """
+    found = []
+    for target in toolchain.ZIG_TARGETS:
+        try:
+            toolchain.find_compiler(target)
+        except UserError:
+            continue
+        found.append(target)
+    if not found:
+        toolchain.find_compiler(toolchain.host_platform())  # raises, with the hint
+    return found
+
+
+def _guid(files: dict[str, bytes]) -> str:
+    """Identify the contents: the same files give the same GUID."""
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(name.encode() + b"\0" + hashlib.sha256(files[name]).digest())
+    return f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}"
+
+
+def _folder(cls: type[Component]) -> Path:
+    """Folder of the component, also of one with effects stacked on it."""
+    return Path(sys.modules[cls.__module__].__file__ or "").parent
+
+
+def _sources(cls: type[Component], graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
+    """Every C file of the build, and the headers it needs."""
+    import fmpy
+
+    generated = codegen.native_sources(cls, graph, guid) if runtime == "native" else codegen.python_sources(cls, guid)
+    own = {p.name: p.read_bytes() for p in (KIT / "fmi2").iterdir() if p.suffix == ".h"}
+    own |= {name: (KIT / "fmi2" / name).read_bytes() for name in (*_FRONT_END, *_ENGINES[runtime])}
+    headers = Path(fmpy.__file__).parent / "c-code"
+    own |= {name: (headers / name).read_bytes() for name in _FMI_HEADERS}
+    return own | {name: text.encode() for name, text in generated.items()}
+
+
+def _common(cls: type[Component], remark: str) -> dict[str, bytes]:
+    """Documentation, licences, icon, presets and the reference result."""
+    folder = _folder(cls)
+    files = {"documentation/index.html": page(cls, folder / "README.md", remark).encode()}
+    for licence in sorted((KIT / "licences").iterdir()):
+        files[f"documentation/licenses/{licence.name}"] = licence.read_bytes()
+    icon = folder / "model.png"
+    if icon.exists():
+        files["model.png"] = icon.read_bytes()
+    declared = {p.name: p for p in cls.layout.parameters}
+    for name, preset in cls.presets.items():
+        files[f"resources/presets/{name}.ssv"] = to_ssv(name, preset.values, declared, preset.doc)
+    return files | _reference(cls, folder / "reference")
+
+
+def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
+    """Pack the reference result in the form of FMI-LS-REF 1.0.0-alpha.1; none for a component that was extended."""
+    stimuli, results = folder / f"{cls.name}_in.csv", folder / f"{cls.name}_ref.csv"
+    if not results.exists():
+        return {}
+    place = "extra/org.fmi-standard.fmi-ls-ref"
+    namespace = "http://fmi-standard.org/fmi-ls-manifest"
+    manifest = Element(
+        "fmiReferences", {"xmlns:fmi-ls": namespace, "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
+        "fmi-ls:fmi-ls-version": "1.0.0-alpha.1", "fmi-ls:fmi-ls-description": "files related to this FMU"},
+    )  # fmt: skip
+    stop, step = (
+        re.findall(rf"^{key},(.*)$", (folder / f"{cls.name}_ref.opt").read_text(), re.M)[0]
+        for key in ("StopTime", "StepSize")
+    )
+    experiments = Element("Experiments", name=cls.name)
+    experiment = SubElement(
+        experiments, "Experiment", name="reference", startTime="0", stopTime=stop, stepSize=step,
+        description="exact solution by matrix exponential; inputs are held, a repeated time is a jump",
+    )  # fmt: skip
+    SubElement(experiment, "Stimuli", source=stimuli.name, type="text/csv")
+    SubElement(experiment, "References", source=results.name, type="text/csv")
+    for element in (manifest, experiments):
+        indent(element)
+    return {
+        f"{place}/fmi-ls-manifest.xml": tostring(manifest, encoding="utf-8", xml_declaration=True),
+        f"{place}/experiments.xml": tostring(experiments, encoding="utf-8", xml_declaration=True),
+        f"{place}/{stimuli.name}": stimuli.read_bytes(),
+        f"{place}/{results.name}": results.read_bytes(),
+    }
+
+
+def _python_package(cls: type[Component]) -> dict[str, bytes]:
+    """Return what Python needs at run time: the kit's light modules and the component's."""
+    base, effects = getattr(cls, "stacked", (cls, ()))
+    files = {f"kit/{name}.py": (KIT / f"{name}.py").read_bytes() for name in _RUNTIME_MODULES}
+    imports = ["from .kit import stack", "from .kit.slave import Slave"]
+    for used in (base, *effects):
+        package, module = used.__module__.split(".")[-2:]
+        imports.append(f"from .{package}.{module} import {used.__name__}")
+    for ancestor in {
+        c.__module__ for c in cls.__mro__ if c.__module__.startswith("fmus.") and ".kit." not in c.__module__
+    }:
+        package, module = ancestor.split(".")[-2:]
+        for name in ("__init__", module):
+            files[f"{package}/{name}.py"] = (KIT.parent / package / f"{name}.py").read_bytes()
+    stacked = ", ".join(c.__name__ for c in (base, *effects))
+    model = f"stack({stacked}, name={cls.name!r})" if effects else base.__name__
+    entry = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(sorted(imports))
+    entry += f"\n\nMODEL = {model}\n\n\ndef create(memory):\n    return Slave(MODEL, memory)\n"
+    files["__init__.py"] = entry.encode()
+    needs = "Python 3.11 or newer (shared library or host process); no packages beyond the standard library.\n"
+    packed = {f"resources/python/{name}": contents for name, contents in files.items()}
+    return packed | {"documentation/externalDependencies.txt": needs.encode()}

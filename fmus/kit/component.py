@@ -1,0 +1,123 @@
+"""Component: declarations plus laws, evaluated on whatever its attributes hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from .declare import Declaration, Layout, Preset, arrange, take
+from .errors import UserError
+
+
+class Component:
+    """Base of every component: the class body declares variables, instance attributes are their current values.
+
+    Laws are methods without arguments that compute from ``self``. They are plain arithmetic and the functions of
+    :mod:`fmus.kit.functions`; no ``if`` on values, so that one source serves floats, NumPy arrays and CasADi symbols.
+
+    Parameters
+    ----------
+    **values
+        Initial values by variable name (SI), replacing defaults. States start from their ``*_start`` parameters.
+
+    Raises
+    ------
+    UserError
+        If a name is not a parameter or an input.
+
+    Attributes
+    ----------
+    name : str
+        Name of the FMU; empty for abstract bases and effects.
+    tolerance : float
+        Declared accuracy of the internal integration: local error per internal step, relative to
+        ``nominal + |state|``.
+    experiment : tuple of float
+        Stop time and communication step in seconds, for the FMU's ``DefaultExperiment``.
+    time : float
+        Simulation time in seconds, for laws that depend on it.
+    """
+
+    name: ClassVar[str] = ""
+    experiment: ClassVar[tuple[float, float]] = (100.0, 0.1)
+    tolerance: ClassVar[float] = 1e-9
+    presets: ClassVar[Mapping[str, Preset]] = {}
+    declared: ClassVar[dict[str, Declaration]] = {}
+    layout: ClassVar[Layout]
+    time: Any
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.declared = take(cls)
+        found: dict[str, Declaration] = {}
+        for base in reversed(cls.__mro__):
+            found |= vars(base).get("declared", {})
+        cls.layout = arrange(found.values())
+
+    def __init__(self, **values: Any) -> None:
+        layout = self.layout
+        known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)}
+        for name in values:
+            if name not in known:
+                raise UserError(f"{self.name or type(self).__name__}: no parameter or input named {name!r}")
+        # setattr rather than __dict__: an instance whose __dict__ was touched is slower for good in CPython
+        for name, value in (known | values).items():
+            setattr(self, name, value)
+        self.time = 0.0
+        self.start()
+
+    def start(self) -> None:
+        """Put every state at its start value."""
+        for state in (*self.layout.states, *self.layout.discretes):
+            setattr(self, state.name, getattr(self, f"{state.name}_start"))
+
+    def laws(self, names: list[str]) -> list[Callable[[], Any]]:
+        """Return the bound methods that the declarations name; an overriding effect is found by the MRO."""
+        return [getattr(self, name) for name in names]
+
+    def rates(self) -> list[Any]:
+        """Time derivatives of the states, in layout order."""
+        return [law() for law in self.laws([state.rate for state in self.layout.states])]
+
+    def outputs(self) -> list[Any]:
+        """Values of the outputs, in layout order."""
+        return [law() for law in self.laws([output.name for output in self.layout.outputs])]
+
+
+class Effect(Component):
+    """A known way a component is wrong: a mixin that overrides one law through ``super()``.
+
+    Its own parameters default to the value at which the law is exactly the base model's.
+
+    Attributes
+    ----------
+    id : str
+        Name in the effect catalogue.
+    """
+
+    id: ClassVar[str] = ""
+
+
+def stack(base: type[Component], *effects: type[Effect], name: str | None = None) -> type[Component]:
+    """Lay effects over a component; later effects see the laws of earlier ones through ``super()``.
+
+    Parameters
+    ----------
+    base : type[Component]
+        The component class.
+    *effects : type[Effect]
+        Effects, innermost first.
+    name : str, optional
+        FMU name of the result; default joins the ids.
+
+    Returns
+    -------
+    type[Component]
+    """
+    title = "".join(e.__name__ for e in reversed(effects)) + base.__name__
+    return type(
+        title,
+        (*reversed(effects), base),
+        {"name": name or "_with_".join([base.name, *(e.id for e in effects)]), "__doc__": base.__doc__,
+         "__module__": base.__module__, "stacked": (base, effects)},
+    )  # fmt: skip

@@ -1,0 +1,120 @@
+/* The contract between the generated model, the FMI front-end and the engines.
+ *
+ * An FMU is compiled from three parts:
+ *     front-end   lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
+ *     engine      native.c integrate.c   or   python.c library.c
+ *     model       model.h model.c, and laws.c with the native engine   (generated)
+ *
+ * What the generator writes
+ * -------------------------
+ * model.h, sizes known at compile time (macros; laws sizes only with the native engine):
+ *     MODEL_PARAMETERS MODEL_INPUTS MODEL_STATES MODEL_DISCRETES MODEL_OUTPUTS MODEL_GROUPS
+ *     LAWS_SZ_ARG LAWS_SZ_RES LAWS_SZ_IW LAWS_SZ_W      maxima over all functions of laws.c
+ *     LAWS_UPDATES(X)      expands to  X(update_0) X(update_1) ...  and to nothing without groups
+ * model.c, includes engine.h and defines the constants declared under "model" below.
+ *     An array without elements gets one unused element, for C has no empty arrays.
+ * laws.c, from CasADi, with the signature `Law` below and the inputs
+ *     time (1), parameters, inputs, states, discretes
+ *     rates    -> the derivatives of the states
+ *     outputs  -> the outputs
+ *     update_k -> all discretes after the update of group k; those outside the group unchanged
+ *     tangent  has four more inputs, a direction of parameters, inputs, states and discretes,
+ *              -> the directional derivatives of the rates and of the outputs
+ *     Before anything else it says `#define CASADI_SYMBOL_EXPORT`, so that the laws are not exported.
+ *
+ * Memory of an instance: one block of doubles
+ * -------------------------------------------
+ * First the variables, the value reference being the index; booleans are 0.0 or 1.0, integers integral:
+ *     [parameters | inputs | states | discretes | outputs | derivatives]
+ * then what the engine has to remember, so that a copy of the block is a copy of the instance:
+ *     hint                 internal step to try next; +infinity tries the whole communication step
+ *     start time           sample k of a group falls on start time + k * period
+ *     tolerance            relative tolerance of the integration
+ *     parameters changed   the front-end sets 1.0 when anything a parameter determines may have changed
+ *                          (parameter set, reset, state restored); the engine may clear it
+ *     counters             for each group the k of its next sample
+ *     slopes               for each input its time derivative over the next step (native engine)
+ */
+#ifndef ENGINE_H
+#define ENGINE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "model.h"
+
+enum {
+    FIRST_PARAMETER = 0,
+    FIRST_INPUT = FIRST_PARAMETER + MODEL_PARAMETERS,
+    FIRST_STATE = FIRST_INPUT + MODEL_INPUTS,
+    FIRST_DISCRETE = FIRST_STATE + MODEL_STATES,
+    FIRST_OUTPUT = FIRST_DISCRETE + MODEL_DISCRETES,
+    FIRST_DERIVATIVE = FIRST_OUTPUT + MODEL_OUTPUTS,
+    MODEL_VARIABLES = FIRST_DERIVATIVE + MODEL_STATES,
+    MEMORY_HINT = MODEL_VARIABLES,
+    MEMORY_START_TIME,
+    MEMORY_TOLERANCE,
+    MEMORY_PARAMETERS_CHANGED,
+    MEMORY_COUNTERS,
+    MEMORY_SLOPES = MEMORY_COUNTERS + MODEL_GROUPS,
+    MEMORY_SIZE = MEMORY_SLOPES + MODEL_INPUTS
+};
+
+/* ---- model ------------------------------------------------------------------------------------- */
+
+typedef enum { ROLE_PARAMETER, ROLE_INPUT, ROLE_STATE, ROLE_DISCRETE, ROLE_OUTPUT, ROLE_DERIVATIVE } Role;
+typedef enum { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN } Type;
+
+typedef struct {
+    const char *name;
+    const char *unit; /* "1" where there is none */
+    Role role;
+    Type type;
+    double start;            /* used for parameters and inputs; states and discretes start at a parameter */
+    double minimum, maximum; /* -INFINITY, INFINITY where open; both ends are allowed values */
+    double nominal;          /* > 0, in the unit of the variable */
+} Variable;
+
+typedef struct {
+    double period;        /* s, used when period_parameter is negative */
+    int period_parameter; /* index of the parameter that holds the period, or -1 */
+} Group;
+
+extern const char model_name[];
+extern const char model_guid[];
+extern const double model_tolerance;         /* relative, e.g. 1e-6 */
+extern const Variable model_variables[];     /* index = value reference, MODEL_VARIABLES of them */
+extern const int model_start_of[];           /* index of the start parameter of every state, then every discrete */
+extern const Group model_groups[];           /* MODEL_GROUPS of them */
+
+/* CasADi's calling convention; `mem` is unused. */
+typedef int Law(const double **arg, double **res, long long *iw, double *w, int mem);
+
+/* ---- engine ------------------------------------------------------------------------------------ */
+
+enum { MESSAGE_SIZE = 1024 };
+typedef char Message[MESSAGE_SIZE]; /* one line, filled in by whoever returns NULL or false */
+
+typedef struct Engine Engine;
+
+/* Whether inputs may have slopes, and whether engine_tangent works. */
+extern const bool engine_interpolates;
+extern const bool engine_differentiates;
+
+/* `memory` outlives the engine. `resources` is the resource location as the host gave it; it may be NULL. */
+Engine *engine_create(double *memory, const char *resources, Message message);
+void engine_free(Engine *engine);
+
+/* Called at the end of initialization: parameters are in range, states and discretes at their start values. */
+bool engine_initialize(Engine *engine, Message message);
+
+/* Outputs and derivatives at `time` from all the rest. */
+bool engine_evaluate(Engine *engine, double time, Message message);
+
+/* States and discretes from `time` to `time + step`; outputs and derivatives need not be up to date after it. */
+bool engine_advance(Engine *engine, double time, double step, Message message);
+
+/* `seed` is a direction [parameters | inputs | states | discretes], `result` takes [derivatives | outputs]. */
+bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message);
+
+#endif

@@ -1,0 +1,56 @@
+/* What the files of the front-end share: the instance and the reporting of errors. */
+#ifndef INSTANCE_H
+#define INSTANCE_H
+
+#include "engine.h"
+#include "fmi2Functions.h"
+
+#define EXPORT FMI2_Export
+
+/* Modes of the state machine of FMI 2.0 co-simulation; bits, so that a set of modes is a sum. */
+enum {
+    INSTANTIATED = 1,
+    INITIALIZATION = 2,
+    STEP_COMPLETE = 4,
+    FAILED = 8,
+    TERMINATED = 16,
+    BEFORE_START = INSTANTIATED | INITIALIZATION,
+    READABLE = INITIALIZATION | STEP_COMPLETE | FAILED | TERMINATED,
+    ANY_MODE = INSTANTIATED | READABLE
+};
+
+/* All that changes during the life of an instance: copying it saves or restores the FMU state.
+   Only doubles, so that it has no padding and equal states are equal bytes. */
+typedef struct {
+    double mode;
+    double outdated; /* 1.0 when outputs and derivatives must be evaluated before they are read */
+    double time;
+    double stop_time; /* +infinity when the host defined none */
+    double memory[MEMORY_SIZE];
+} State;
+
+typedef struct {
+    State now;
+    State before; /* the state to return to when a step fails */
+    Engine *engine;
+    char *name;
+    fmi2CallbackFunctions host;
+    bool logging;
+} Instance;
+
+/* Reports one line through the logger of the host and returns `status`. Warnings need logging to be on. */
+fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...);
+
+/* Whether `function` may be called now; reports it if not. False for a NULL instance. */
+bool allowed(const Instance *instance, int modes, const char *function);
+
+/* Declares the outputs outdated, and lets states follow their start parameters before the simulation starts. */
+void touch(Instance *instance, bool parameters);
+
+/* Brings outputs and derivatives up to date and checks that they are finite. */
+fmi2Status refresh(Instance *instance);
+
+/* Puts the instance back to `before` and, for good, into the mode FAILED. */
+fmi2Status fail(Instance *instance);
+
+#endif

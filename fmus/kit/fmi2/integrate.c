@@ -1,0 +1,94 @@
+/* Integration of the states: classic Runge-Kutta of order 4 with an embedded estimate of order 3.
+ *
+ * The fifth rate, at the end of the step, serves the estimate and is the first rate of the next step. The step size
+ * found for one communication step is remembered in the memory of the instance and tried in the next.
+ */
+#include "native.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static void rates_at(Engine *engine, double time, const double *states, double *result) {
+    bind(engine, time, states);
+    engine->res[0] = result;
+    if (!call(engine, rates))
+        for (int i = 0; i < MODEL_STATES; i++)
+            result[i] = NAN;
+}
+
+static void displaced(Engine *engine, const double *x, double h, const double *rate) {
+    for (int i = 0; i < MODEL_STATES; i++)
+        engine->trial[i] = x[i] + h * rate[i];
+}
+
+/* Tries one step with k1 given; the new states are in `trial`. The error is relative to what is tolerated. */
+static double try_step(Engine *engine, double time, double h) {
+    const double *x = engine->memory + FIRST_STATE;
+    double *k1 = engine->k[0], *k2 = engine->k[1], *k3 = engine->k[2], *k4 = engine->k[3], *k5 = engine->k[4];
+    double tolerance = engine->memory[MEMORY_TOLERANCE], worst = 0.0;
+    displaced(engine, x, 0.5 * h, k1);
+    rates_at(engine, time + 0.5 * h, engine->trial, k2);
+    displaced(engine, x, 0.5 * h, k2);
+    rates_at(engine, time + 0.5 * h, engine->trial, k3);
+    displaced(engine, x, h, k3);
+    rates_at(engine, time + h, engine->trial, k4);
+    for (int i = 0; i < MODEL_STATES; i++)
+        engine->trial[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+    rates_at(engine, time + h, engine->trial, k5);
+    for (int i = 0; i < MODEL_STATES; i++) {
+        double size = model_variables[FIRST_STATE + i].nominal + fmax(fabs(x[i]), fabs(engine->trial[i]));
+        double error = fabs(h / 10.0 * (k4[i] - k5[i])) / (tolerance * size);
+        if (!isfinite(error) || !isfinite(engine->trial[i]))
+            return INFINITY;
+        worst = fmax(worst, error);
+    }
+    return worst;
+}
+
+static double step_factor(double error) {
+    return error == 0.0 ? 5.0 : isfinite(error) ? fmin(fmax(0.9 * pow(error, -0.25), 0.2), 5.0) : 0.1;
+}
+
+static bool give_up(const Engine *engine, double time, double error, Message message) {
+    int worst = 0;
+    for (int i = MODEL_STATES - 1; i >= 0; i--)
+        if (!isfinite(engine->k[0][i]) || !isfinite(engine->trial[i]))
+            worst = i;
+    if (isfinite(error))
+        snprintf(message, MESSAGE_SIZE, "the integration cannot meet its tolerance at t = %.10g s", time);
+    else
+        snprintf(message, MESSAGE_SIZE, "not finite: %s at t = %.10g s", model_variables[FIRST_STATE + worst].name, time);
+    return false;
+}
+
+bool integrate(Engine *engine, double time, double target, Message message) {
+    double *hint = engine->memory + MEMORY_HINT;
+    if (MODEL_STATES == 0 || time >= target)
+        return true;
+    rates_at(engine, time, engine->memory + FIRST_STATE, engine->k[0]);
+    while (time < target) {
+        double left = target - time;
+        bool shortened = *hint > left;
+        double h = fmin(*hint, left), error;
+        if (h > 0.999 * left)
+            h = left;
+        if (engine->budget-- <= 0) {
+            snprintf(message, MESSAGE_SIZE, "more than 1000000 internal steps, stopped at t = %.10g s", time);
+            return false;
+        }
+        error = try_step(engine, time, h);
+        if (error <= 1.0) {
+            time = h == left ? target : time + h;
+            memcpy(engine->memory + FIRST_STATE, engine->trial, MODEL_STATES * sizeof(double));
+            memcpy(engine->k[0], engine->k[4], MODEL_STATES * sizeof(double));
+            if (!shortened)
+                *hint = h * step_factor(error);
+        } else {
+            if (h < 1e-14 * fmax(1.0, fabs(time)))
+                return give_up(engine, time, error, message);
+            *hint = h * step_factor(error);
+        }
+    }
+    return true;
+}

@@ -1,0 +1,51 @@
+/* The part of Python's stable ABI that the Python engine uses, found at run time.
+ *
+ * Nothing here is linked: a library with undefined Python symbols cannot be loaded by a host without Python.
+ */
+#ifndef PYTHON_H
+#define PYTHON_H
+
+#include "engine.h"
+
+typedef struct PyObject PyObject;
+
+#define PYTHON_FUNCTIONS(X)                                               \
+    X(int, Py_IsInitialized, (void))                                      \
+    X(void, Py_InitializeEx, (int))                                       \
+    X(void *, PyEval_SaveThread, (void))                                  \
+    X(int, PyGILState_Ensure, (void))                                     \
+    X(void, PyGILState_Release, (int))                                    \
+    X(PyObject *, Py_CompileString, (const char *, const char *, int))    \
+    X(PyObject *, PyEval_EvalCode, (PyObject *, PyObject *, PyObject *))  \
+    X(PyObject *, PyEval_GetBuiltins, (void))                             \
+    X(PyObject *, Py_BuildValue, (const char *, ...))                     \
+    X(PyObject *, PyDict_New, (void))                                     \
+    X(void, PyDict_Clear, (PyObject *))                                   \
+    X(PyObject *, PyDict_GetItemString, (PyObject *, const char *))       \
+    X(int, PyDict_SetItemString, (PyObject *, const char *, PyObject *))  \
+    X(PyObject *, PyMemoryView_FromMemory, (char *, ptrdiff_t, int))      \
+    X(PyObject *, PyFloat_FromDouble, (double))                           \
+    X(PyObject *, PyUnicode_FromString, (const char *))                   \
+    X(PyObject *, PyUnicode_AsUTF8String, (PyObject *))                   \
+    X(char *, PyBytes_AsString, (PyObject *))                             \
+    X(PyObject *, PyObject_GetAttrString, (PyObject *, const char *))     \
+    X(PyObject *, PyObject_CallFunctionObjArgs, (PyObject *, ...))        \
+    X(PyObject *, PyObject_Str, (PyObject *))                             \
+    X(void, PyErr_Fetch, (PyObject **, PyObject **, PyObject **))         \
+    X(void, PyErr_Clear, (void))                                          \
+    X(void, Py_IncRef, (PyObject *))                                      \
+    X(void, Py_DecRef, (PyObject *))
+
+#define PYTHON_FIELD(result, name, arguments) result(*name) arguments;
+typedef struct {
+    PYTHON_FUNCTIONS(PYTHON_FIELD)
+} Python;
+#undef PYTHON_FIELD
+
+/* Finds the Python of this process or brings one in, and sees to it that it is initialized. */
+bool python_find(Python *python, Message message);
+
+/* The path in a resource location, which is a file URI or already a path; to be freed. NULL if there is none. */
+char *resource_path(const char *location);
+
+#endif

@@ -1,0 +1,171 @@
+"""Internal integration of a component in Python: adaptive Runge-Kutta 4(3) and exact sample instants.
+
+The same algorithm, operation for operation, as ``fmi2/integrate.c``; see there or ``docs/decisions`` for why this one.
+It works on floats and on NumPy arrays (a batch shares one internal step).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from .component import Component
+from .errors import UserError
+
+SMALLEST_STEP = 1e-14
+MOST_STEPS = 1_000_000
+_SAME_INSTANT = 1e-9
+
+
+def _unrolled(names: list[str], batch: bool) -> str:
+    """Source of one trial step, unrolled over the states: a loop would cost a Python FMU three times as much.
+
+    The function returns the error relative to the tolerance, infinity if it is not finite, and leaves the states as
+    they were if that is above 1.
+    """
+    n = range(len(names))
+
+    def each(pattern: str, separator: str = "; ") -> str:
+        return separator.join(pattern.format(i=i, s=names[i]) for i in n)
+
+    stages = [
+        ("b", "t + 0.5 * h", "x{i} + g * a{i}"),
+        ("c", "t + 0.5 * h", "x{i} + g * b{i}"),
+        ("d", "t + h", "x{i} + h * c{i}"),
+    ]
+    lines = [
+        "def step(m, t, h, tolerance, nominal, rates):",
+        f"    {each('r{i}', ', ')}, = rates",
+        f"    {each('n{i}', ', ')}, = nominal",
+        "    m.time = t; " + each("x{i} = m.{s}"),
+        "    " + each("a{i} = r{i}()"),
+        "    g = 0.5 * h",
+    ]
+    for letter, time, state in stages:
+        lines += [f"    m.time = {time}; " + each("m.{s} = " + state), "    " + each(letter + "{i} = r{i}()")]
+    worst = "max({})" if len(names) > 1 else "{}"
+    lines += [
+        "    g = h / 6.0",
+        "    " + each("m.{s} = x{i} + g * (a{i} + 2.0 * b{i} + 2.0 * c{i} + d{i})"),
+        "    g = h / 10.0 / tolerance",
+        "    " + each("e{i} = abs(g * (d{i} - r{i}())) / (n{i} + abs(x{i}))"),
+        *(["    " + each("e{i} = float(e{i}.max())")] if batch else []),
+        # max() alone would drop a NaN that is not its first argument
+        f"    error = {worst.format(each('e{i}', ', '))} if {each('e{i}', ' + ')} < inf else inf",
+        "    if error > 1.0: " + each("m.{s} = x{i}"),
+        "    return error",
+    ]
+    return "\n".join(lines)
+
+
+class Integrator:
+    """Advances a component in time.
+
+    Parameters
+    ----------
+    component : Component
+        Holds the states, as floats or as arrays of one shape.
+    batch : bool
+        Set when the attributes hold NumPy arrays.
+
+    Attributes
+    ----------
+    hint : float
+        Remembered internal step in seconds; infinity tries the whole communication step first.
+    counters : list of float
+        Number of samples taken in each group of discrete states.
+    start_time : float
+        Time of the first sample instant.
+    """
+
+    def __init__(self, component: Component, batch: bool = False):
+        layout = component.layout
+        self.component = component
+        self.names = [state.name for state in layout.states]
+        self.nominal = [state.nominal for state in layout.states]
+        self.rates = component.laws([state.rate for state in layout.states])
+        self.groups = [
+            (period, [d.name for d in members], component.laws([d.update for d in members]))
+            for period, members in layout.sampled
+        ]
+        self.hint = math.inf
+        self.counters = [0.0] * len(self.groups)
+        self.start_time = 0.0
+        self._step: Callable[..., float] | None = None
+        if self.names:
+            namespace = {"inf": math.inf}
+            exec(_unrolled(self.names, batch), namespace)
+            self._step = namespace["step"]  # type: ignore[assignment]
+
+    def advance(self, time: float, step: float) -> None:
+        """Advance the component from ``time`` to ``time + step``.
+
+        A sample instant at ``time`` is taken first; one at ``time + step`` belongs to the next call.
+
+        Parameters
+        ----------
+        time, step : float
+            Seconds; ``step`` is positive.
+
+        Raises
+        ------
+        UserError
+            If a state stops being finite or the declared accuracy cannot be reached.
+        """
+        if not self.groups:
+            self._integrate(time, time + step)
+            return
+        end = time + step
+        while time < end:
+            target = end
+            for index, group in enumerate(self.groups):
+                period = self._period(group[0])
+                instant = self.start_time + self.counters[index] * period
+                if instant <= time + _SAME_INSTANT * period:
+                    self._sample(time, index)
+                    instant = self.start_time + self.counters[index] * period
+                if instant < end - _SAME_INSTANT * period:
+                    target = min(target, instant)
+            self._integrate(time, target)
+            time = target
+
+    def _period(self, period: str | float) -> float:
+        return getattr(self.component, period) if isinstance(period, str) else period
+
+    def _sample(self, time: float, index: int) -> None:
+        _, names, updates = self.groups[index]
+        self.component.time = time
+        for name, value in zip(names, [update() for update in updates], strict=True):
+            setattr(self.component, name, value)
+        self.counters[index] += 1.0
+
+    def _integrate(self, time: float, target: float) -> None:
+        trial = self._step
+        if trial is None:
+            return
+        component, tolerance, nominal, rates = self.component, self.component.tolerance, self.nominal, self.rates
+        for _ in range(MOST_STEPS):
+            left = target - time
+            h = self.hint if self.hint <= 0.999 * left else left
+            error = trial(component, time, h, tolerance, nominal, rates)
+            if error <= 1.0 and h == left and self.hint == math.inf:
+                return
+            following = (
+                h * min(max(0.9 * error**-0.25, 0.2), 5.0)
+                if 0.0 < error < math.inf
+                else h * (5.0 if error == 0.0 else 0.1)
+            )
+            if error <= 1.0:
+                time += h
+                # a step shortened to land on the target says nothing against a longer one
+                self.hint = max(self.hint, following) if h == left else following
+                if h == left:
+                    return
+            elif h < SMALLEST_STEP * max(1.0, abs(time)):
+                reason = (
+                    f"accuracy {tolerance:g} cannot be reached" if error < math.inf else "the states are not finite"
+                )
+                raise UserError(f"{reason} at {time:g} s")
+            else:
+                self.hint = following
+        raise UserError(f"more than {MOST_STEPS} internal steps in one communication step at {time:g} s")

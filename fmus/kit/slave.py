@@ -1,0 +1,114 @@
+"""The Python side of a Python FMU: a component over the instance's memory, which the C front-end owns.
+
+Every call loads its values from that memory and leaves its results there. Nothing survives in Python between calls,
+so saving the memory saves the instance (FMU contract, line 5).
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from .component import Component
+from .errors import UserError
+from .integrate import Integrator
+
+_HINT, _START_TIME, _PARAMETERS_CHANGED, _COUNTERS = 0, 1, 3, 4  # internals, in the order of fmi2/engine.h
+
+
+def _transfer(statements: list[str]) -> Callable[[Component, Any], None]:
+    """Compile assignments between component ``m`` and memory ``y``: a loop would take twice as long."""
+    namespace: dict[str, Any] = {}
+    exec("def transfer(m, y):\n    " + ("; ".join(statements) or "pass"), namespace)
+    return namespace["transfer"]
+
+
+class Slave:
+    """One FMU instance.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        The component.
+    memory : memoryview
+        Doubles in the order of :class:`fmus.kit.declare.Layout`, then derivatives, then the internals
+        ``hint, start time, tolerance, parameters changed`` and a counter for each sampled group
+        (``fmi2/engine.h``).
+    """
+
+    def __init__(self, cls: type[Component], memory: Any):
+        layout = cls.layout
+        first_input = len(layout.parameters)
+        first_state = first_input + len(layout.inputs)
+        first_output = first_state + len(layout.states) + len(layout.discretes)
+        load = [
+            f"m.{v.name} = y[{i}]" + (" != 0.0" if v.type == "boolean" else "") for i, v in enumerate(layout.variables)
+        ]
+        store = [f"y[{i}] = m.{v.name}" for i, v in enumerate(layout.variables)]
+        self._load_parameters = _transfer(load[:first_input])
+        self._load = _transfer(load[first_input:first_output])
+        self._store = _transfer(store[first_state:first_output])
+        self._first_output = first_output
+        self._internals = len(layout.names)
+        self.memory = memory
+        self.component = cls()
+        self.integrator = Integrator(self.component)
+        self._laws = self.component.laws([o.name for o in layout.outputs]) + self.integrator.rates
+
+    def initialize(self) -> str | None:
+        """Run once at the end of initialization; a message means that the parameters cannot work."""
+        return self.evaluate(0.0)
+
+    def evaluate(self, time: float) -> str | None:
+        """Compute outputs and derivatives from the memory.
+
+        Whatever a law does, the host gets a sentence and not an exception.
+        """
+        try:
+            memory, component = self.memory, self.component
+            if memory[self._internals + _PARAMETERS_CHANGED]:
+                self._take_parameters()
+            self._load(component, memory)
+            component.time = time
+            for index, law in enumerate(self._laws, self._first_output):
+                memory[index] = law()
+        except BaseException as error:
+            return _sentence(error)
+        return None
+
+    def advance(self, time: float, step: float) -> str | None:
+        """Advance the states by one communication step."""
+        try:
+            memory, component, integrator, internals = self.memory, self.component, self.integrator, self._internals
+            if memory[internals + _PARAMETERS_CHANGED]:
+                self._take_parameters()
+            self._load(component, memory)
+            integrator.hint = memory[internals + _HINT]
+            if integrator.groups:
+                integrator.start_time = memory[internals + _START_TIME]
+                first = internals + _COUNTERS
+                integrator.counters = memory[first : first + len(integrator.groups)].tolist()
+            integrator.advance(time, step)
+            self._store(component, memory)
+            memory[internals + _HINT] = integrator.hint
+            for index, count in enumerate(integrator.counters, internals + _COUNTERS):
+                memory[index] = count
+        except BaseException as error:
+            return _sentence(error)
+        return None
+
+    def close(self) -> None:
+        """Let go of the memory before the front-end frees it."""
+        self.memory.release()
+
+    def _take_parameters(self) -> None:
+        self._load_parameters(self.component, self.memory)
+        self.memory[self._internals + _PARAMETERS_CHANGED] = 0.0
+
+
+def _sentence(error: BaseException) -> str:
+    if isinstance(error, UserError):
+        return str(error)
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} (in {frame.name}, line {frame.lineno} of {frame.filename})"

@@ -1,0 +1,98 @@
+"""Units through pint: one string in a declaration feeds the FMU, parameter files, docs and CSV headers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any
+
+from .errors import UserError
+
+if TYPE_CHECKING:
+    import pint
+
+# pint's name of each base unit -> attribute of FMI's BaseUnit
+_BASE = {
+    "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A",
+    "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
+}  # fmt: skip
+
+
+@cache
+def registry() -> pint.UnitRegistry[Any]:
+    """Return the project's only pint registry."""
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+@dataclass(frozen=True)
+class BaseUnit:
+    """A unit in SI base units: ``value_in_SI = factor * value + offset``.
+
+    Attributes
+    ----------
+    exponents : dict of str to int
+        FMI ``BaseUnit`` attribute to exponent, zero exponents left out.
+    factor, offset : float
+    """
+
+    exponents: dict[str, int]
+    factor: float
+    offset: float
+
+
+def parse(unit: str) -> pint.Unit:
+    """Parse a unit.
+
+    Parameters
+    ----------
+    unit : str
+        As pint reads it; ``"1"`` and ``"%"`` are dimensionless.
+
+    Raises
+    ------
+    UserError
+        If pint does not know it.
+    """
+    if unit.strip() in ("", "1"):
+        return registry().dimensionless
+    try:
+        return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
+    except Exception as error:
+        raise UserError(f"unknown unit {unit!r}; write it like N, mm, N*s/m, ohm, degC") from error
+
+
+@lru_cache
+def base_unit(unit: str) -> BaseUnit:
+    """Express a unit in SI base units, for FMI's ``UnitDefinitions``."""
+    one, zero = (
+        registry().Quantity(1.0, parse(unit)).to_base_units(),
+        registry().Quantity(0.0, parse(unit)).to_base_units(),
+    )
+    exponents = {_BASE[str(name)]: int(str(power).removesuffix(".0")) for name, power in one.unit_items()}
+    return BaseUnit(exponents, float(one.magnitude - zero.magnitude), float(zero.magnitude))
+
+
+def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
+    """Convert a number or an array.
+
+    Parameters
+    ----------
+    value : float or ndarray
+    unit, to : str
+        From which unit, to which.
+    what : str
+        What is converted, for the message.
+
+    Raises
+    ------
+    UserError
+        If the two units measure different things.
+    """
+    if unit == to:
+        return value
+    source, target = parse(unit), parse(to)
+    if source.dimensionality != target.dimensionality:
+        raise UserError(f"{what}: unit {unit!r} cannot be converted to {to!r}")
+    return registry().Quantity(value, source).to(target).magnitude

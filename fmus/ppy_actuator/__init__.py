@@ -1,0 +1,1 @@
+"""The polypyrrole actuator, force-driven and length-driven."""

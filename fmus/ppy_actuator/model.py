@@ -1,0 +1,148 @@
+"""The polypyrrole actuator: RC charging, Burgers viscoelasticity, charge-to-displacement coupling.
+
+Thesis chapter 3, eqs. 3.1-3.9 and fig. 3-1. The charge does not feel the load and the creep does not feel the charge;
+the two displacements add (assumptions 1 and 5). The mechanical numbers are those of fig. 3-9 in N/m and N s/m; the
+printed N/mm is an error of the source (``docs/errata.md``, row 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..kit import Component, Input, Output, Parameter, Preset, State, maximum
+
+_TABLE = "thesis table 3-1, mean of three 12-layer data sets"
+_FIGURE = "thesis fig. 3-9, 12-layer actuator 106, in N/m and N*s/m (errata 1)"
+
+
+class Actuator(Component):
+    """What both causalities share: the electrical circuit, the creep elements and the coupling."""
+
+    R1 = Parameter(
+        0.43, "ohm", min=0, max=1e6, source=_TABLE, doc="series resistance: ion diffusion, contacts and electrolyte"
+    )
+    R2 = Parameter(2.35, "ohm", min=1e-6, max=1e12, source=_TABLE, doc="leakage resistance across R1 and C")
+    C = Parameter(2.70, "F", min=1e-9, max=1e9, source=_TABLE, doc="bulk capacitance of the polymer films")
+    alpha = Parameter(
+        6.8e-5, "m/C", min=-1.0, max=1.0, display="mm/C", source="thesis fig. 3-10", doc="displacement per charge"
+    )
+    k1 = Parameter(6300.0, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="instantaneous (Maxwell) stiffness")
+    b1 = Parameter(1.7e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="viscous flow (Maxwell) damping")
+    k2 = Parameter(1.0e4, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="delayed (Kelvin) stiffness")
+    b2 = Parameter(2.0e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="delayed (Kelvin) damping")
+
+    current = Input("A", doc="current into the actuator")
+    charge = State("C", rate="capacitor_current", output=True, doc="charge on the polymer films")
+    kelvin_elongation = State(
+        "m", rate="kelvin_rate", nominal=1e-4, display="mm", doc="elongation of the Kelvin element (x_b2)"
+    )
+    maxwell_elongation = State(
+        "m", rate="maxwell_rate", nominal=1e-4, display="mm", doc="elongation of the Maxwell dashpot (x_b1)"
+    )
+
+    # --- electrical -------------------------------------------------------------------------------------------------
+
+    def capacitor_voltage(self) -> Any:
+        """Voltage across the film capacitance, Q / C (fig. 3-1)."""
+        return self.charge / self.C
+
+    def capacitor_current(self) -> Any:
+        """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
+        return (self.R2 * self.current - self.capacitor_voltage()) / (self.R1 + self.R2)
+
+    @Output("V")
+    def voltage(self) -> Any:
+        """Voltage across the actuator (eq. 3.9).
+
+        The drop over R1 plus the capacitor voltage; its transfer function from the current is eq. 3.9.
+        """
+        return self.R1 * self.capacitor_current() + self.capacitor_voltage()
+
+    # --- coupling ---------------------------------------------------------------------------------------------------
+
+    @Output("m", nominal=1e-4, display="mm")
+    def electrochemical_displacement(self) -> Any:
+        """Elongation due to charge, alpha Q (eq. 3.4)."""
+        return self.alpha * self.charge
+
+    # --- mechanical -------------------------------------------------------------------------------------------------
+
+    # Force through every element of the series chain, tension positive: given by the causality.
+    load: Callable[[], Any]
+
+    def kelvin_rate(self) -> Any:
+        """Creep rate of the Kelvin element, second row of eq. 3.5; its time constant is b2 / k2 (eq. 3.1)."""
+        return (self.load() - self.k2 * self.kelvin_elongation) / self.b2
+
+    def maxwell_rate(self) -> Any:
+        """Flow rate of the Maxwell dashpot, third row of eq. 3.5; its slope under constant load gives b1 (eq. 3.3)."""
+        return self.load() / self.b1
+
+    def creep(self) -> Any:
+        """Elongation of everything but the instantaneous spring, x_b1 + x_b2 (eq. 3.5)."""
+        return self.kelvin_elongation + self.maxwell_elongation
+
+    def spring_elongation(self, load: Any) -> Any:
+        """Instantaneous elongation x_0 = F / k1 (eq. 3.2)."""
+        return load / self.k1
+
+    def spring_force(self, elongation: Any) -> Any:
+        """Inverse of :meth:`spring_elongation`: F = k1 x_0 (eq. 3.2)."""
+        return self.k1 * elongation
+
+    presets = {
+        "five_layer": Preset(
+            {"R1": 1.32, "R2": 2.72, "C": 0.46,
+             "k1": 6300.0 * 5 / 12, "b1": 1.7e6 * 5 / 12, "k2": 1.0e4 * 5 / 12, "b2": 2.0e6 * 5 / 12},
+            doc="5-layer actuator: circuit as measured (thesis section 3.3.1, fig. 3-5); stiffness and damping are the "
+            "12-layer values times 5/12, because parallel films add (section 3.1.2); alpha is kept",
+        ),
+    }  # fmt: skip
+
+
+class PpyActuator(Actuator):
+    """Force-driven actuator: current and load in, voltage and displacement out (thesis eqs. 3.1-3.9)."""
+
+    name = "ppy_actuator"
+
+    force = Input("N", doc="applied load, tension positive; films buckle under compression (assumption 3)")
+
+    def load(self) -> Any:
+        """The applied force itself."""
+        return self.force
+
+    @Output("m", nominal=1e-4, display="mm")
+    def mechanical_displacement(self) -> Any:
+        """Elongation due to load, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
+        return self.creep() + self.spring_elongation(self.load())
+
+    @Output("m", nominal=1e-4, display="mm")
+    def displacement(self) -> Any:
+        """Total elongation, the sum of both (eq. 3.8)."""
+        return self.electrochemical_displacement() + self.mechanical_displacement()
+
+
+class PpyActuatorLengthDriven(Actuator):
+    """Length-driven actuator: the same laws with current and length in, tension and voltage out.
+
+    Only the instantaneous spring k1 answers at once; its elongation is what remains of the imposed length change.
+    """
+
+    name = "ppy_actuator_length_driven"
+
+    length_change = Input("m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length")
+
+    @Output("N")
+    def tension(self) -> Any:
+        """Tension in the actuator; slack instead of compression (assumption 3)."""
+        return maximum(self.spring_force(self.length_change - self.electrochemical_displacement() - self.creep()), 0.0)
+
+    def load(self) -> Any:
+        """The tension itself."""
+        return self.tension()
+
+    @Output("m", nominal=1e-4, display="mm")
+    def mechanical_displacement(self) -> Any:
+        """Elongation of the viscoelastic chain under the tension, x_b1 + x_b2 + F/k1."""
+        return self.creep() + self.spring_elongation(self.load())

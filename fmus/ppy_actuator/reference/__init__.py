@@ -1,0 +1,1 @@
+"""Reference results of both actuators, from an independent solution."""

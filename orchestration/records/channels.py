@@ -1,0 +1,221 @@
+"""The values of each channel: missing samples are filled, masked or refused; the marks of a poor sensor are noticed."""
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.records.clock import Samples
+from orchestration.records.record import Repair, list_rows, refuse
+
+HOLE_SAMPLES = 5
+"""Holes in an input up to this many samples are interpolated."""
+CLIPPED_SHARE = 0.01
+CLIPPED_RUN = 5
+"""A channel is called clipped if this share of samples, and a run of this many, sit at exactly one extreme."""
+_QUANTISED_MINIMUM_SAMPLES = 50
+_QUANTISED_SAMPLES_PER_LEVEL = 4
+
+
+def mask_infinite(samples: Samples) -> None:
+    """Turn infinite values into missing ones, in place.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples.
+    """
+    for name, values in samples.values.items():
+        infinite = np.isinf(values)
+        if infinite.any():
+            rows = samples.rows[infinite].tolist()
+            message = f"{name}: {len(rows)} infinite values treated as missing ({list_rows(rows)})"
+            samples.repairs.append(Repair("infinite", message, tuple(rows)))
+            samples.values[name] = np.where(infinite, np.nan, values)
+
+
+def repair_holes(samples: Samples, inputs: Collection[str], required: Collection[str]) -> None:
+    """Fill short holes of inputs, refuse long ones, and report the missing samples of outputs, in place.
+
+    A simulation needs every input at every instant, so a hole is interpolated if it is short. An output is only
+    compared with; its missing samples stay NaN and the residual leaves them out.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples, strictly increasing in time.
+    inputs : collection of str
+        The signals that drive the model.
+    required : collection of str
+        Signals that must have values.
+
+    Raises
+    ------
+    UserError
+        If an input's hole is too long or at an end of the record, or a required signal has no value at all.
+    """
+    for name in list(samples.values):
+        values = samples.values[name]
+        missing = np.isnan(values)
+        if missing.all():
+            if name in required:
+                raise refuse(samples.path, f"the signal '{name}' is required, and its column has no values")
+            del samples.values[name]
+            samples.repairs.append(Repair("empty column", f"{name}: the column has no values; treated as absent"))
+        elif missing.any() and name in inputs:
+            samples.values[name] = fill_input(samples, name, values, missing)
+        elif missing.any():
+            rows = samples.rows[missing].tolist()
+            message = f"{name}: {len(rows)} missing values, left out of every comparison ({list_rows(rows)})"
+            samples.repairs.append(Repair("masked", message, tuple(rows)))
+    if not samples.values:
+        raise refuse(samples.path, "no column of a signal has any value")
+
+
+def fill_input(
+    samples: Samples, name: str, values: NDArray[np.float64], missing: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Interpolate the short holes of an input linearly in time.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples; takes the line about it.
+    name : str
+        The signal.
+    values : ndarray, shape (n,)
+        Its values.
+    missing : ndarray of bool, shape (n,)
+        Where they are missing.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Without NaN.
+
+    Raises
+    ------
+    UserError
+        If a hole is too long or at an end of the record.
+    """
+    for first, end in runs(missing):
+        rows = samples.rows[first:end]
+        span = f"row {rows[0]}" if end - first == 1 else f"rows {rows[0]} to {rows[-1]}"
+        if first == 0 or end == values.size:
+            raise refuse(
+                samples.path,
+                f"the input '{name}' has no value in {span}, at the {'start' if first == 0 else 'end'} of the record, "
+                "where nothing can be interpolated; cut these rows off",
+            )
+        if end - first > HOLE_SAMPLES:
+            raise refuse(
+                samples.path,
+                f"the input '{name}' has no value in {span}: {end - first} samples (interpolated are at most "
+                f"{HOLE_SAMPLES}); fill them, or split the record there",
+            )
+    rows_filled = samples.rows[missing].tolist()
+    message = f"{name}: {len(rows_filled)} missing values of this input interpolated ({list_rows(rows_filled)})"
+    samples.repairs.append(Repair("filled hole", message, tuple(rows_filled)))
+    filled = values.copy()
+    filled[missing] = np.interp(samples.time[missing], samples.time[~missing], values[~missing])
+    return filled
+
+
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Find the runs of True.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (n,)
+        The mask.
+
+    Returns
+    -------
+    list of tuple of (int, int)
+        Start and end (exclusive) of every run.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
+    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def notice_channels(samples: Samples, units: dict[str, str]) -> None:
+    """Note channels that are constant, quantised or clipped, in place.
+
+    Parameters
+    ----------
+    samples : Samples
+        The repaired samples.
+    units : dict of str to str
+        Unit of every signal.
+    """
+    for name, values in samples.values.items():
+        valid = values[~np.isnan(values)]
+        levels = np.unique(valid)
+        unit = units[name]
+        if levels.size == 1:
+            message = f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or held so)"
+            samples.repairs.append(Repair("constant", message))
+            continue
+        notice_quantised(samples, name, levels, valid.size, unit)
+        notice_clipped(samples, name, values, levels, unit)
+
+
+def notice_quantised(samples: Samples, name: str, levels: NDArray[np.float64], count: int, unit: str) -> None:
+    """Note a channel that takes few distinct values, and its least step.
+
+    Parameters
+    ----------
+    samples : Samples
+        Takes the line.
+    name : str
+        The signal.
+    levels : ndarray, shape (m,)
+        Its distinct values, sorted.
+    count : int
+        How many samples there are.
+    unit : str
+        Its unit.
+    """
+    if count < _QUANTISED_MINIMUM_SAMPLES or levels.size * _QUANTISED_SAMPLES_PER_LEVEL > count:
+        return
+    steps = np.diff(levels)
+    # unit conversion can split one level into neighbours a rounding error apart
+    steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
+    if not steps.size:  # the range overflowed
+        return
+    # a step written with few digits jitters by a rounding; the mean of the smallest group is closer than the least one
+    least = float(steps[steps < 1.5 * steps.min()].mean())
+    message = f"{name}: quantised, {steps.size + 1} distinct values in {count} samples, least step {least:.4g} {unit}"
+    samples.repairs.append(Repair("quantised", message))
+
+
+def notice_clipped(
+    samples: Samples, name: str, values: NDArray[np.float64], levels: NDArray[np.float64], unit: str
+) -> None:
+    """Note a channel that rests at exactly its greatest or least value.
+
+    Parameters
+    ----------
+    samples : Samples
+        Takes the line.
+    name : str
+        The signal.
+    values : ndarray, shape (n,)
+        Its values.
+    levels : ndarray, shape (m,)
+        Its distinct values, sorted.
+    unit : str
+        Its unit.
+    """
+    for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
+        at_level = values == level
+        share = float(at_level.mean())
+        stretches = runs(at_level)
+        longest = max(stretches, key=lambda run: run[1] - run[0])
+        length = longest[1] - longest[0]
+        if share >= CLIPPED_SHARE and length >= CLIPPED_RUN:
+            message = (
+                f"{name}: clipped (or held) at its {word} {level:.6g} {unit}: {100 * share:.1f} % of the samples, "
+                f"up to {length} in a row from row {samples.rows[longest[0]]}"
+            )
+            samples.repairs.append(Repair("clipped", message, tuple(samples.rows[at_level].tolist())))

@@ -1,0 +1,249 @@
+"""The time column: what is repaired (missing, unordered, repeated), refused (a restart) or noticed (gaps)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.records.record import Repair, list_rows, refuse
+
+LATE_RUN_ROWS = 5
+"""A run of at most this many late rows is sorted in; a longer one is a clock that was set back."""
+RESTART_AFTER_ROWS = 20
+"""A jump back to the start after this many rows is a restart, however few rows follow."""
+GAP_FACTOR = 10.0
+"""A step longer than this many median steps is a gap."""
+
+
+@dataclass
+class Samples:
+    """Time, values and row numbers while they are being repaired.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    time : ndarray, shape (n,)
+        Seconds.
+    values : dict of str to ndarray, shape (n,)
+        Signals.
+    rows : ndarray of int, shape (n,)
+        Row number of every sample in the file.
+    repairs : list of Repair
+        What was done so far.
+    """
+
+    path: Path
+    time: NDArray[np.float64]
+    values: dict[str, NDArray[np.float64]]
+    rows: NDArray[np.int64]
+    repairs: list[Repair]
+
+    def keep(self, selection: NDArray[np.bool_] | NDArray[np.int64]) -> None:
+        """Keep (and order) the chosen samples.
+
+        Parameters
+        ----------
+        selection : ndarray
+            A mask, or indices.
+        """
+        self.time = self.time[selection]
+        self.rows = self.rows[selection]
+        self.values = {name: values[selection] for name, values in self.values.items()}
+
+
+def repair_clock(samples: Samples) -> None:
+    """Make the time strictly increasing, in place.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples as the file has them.
+
+    Raises
+    ------
+    UserError
+        If the clock restarts or is set back, or fewer than two samples are left.
+    """
+    drop_missing_time(samples)
+    require_two(samples)
+    sort_late_rows(samples)
+    average_duplicates(samples)
+    require_two(samples)
+    notice_gaps(samples)
+
+
+def require_two(samples: Samples) -> None:
+    """Refuse a record of fewer than two instants.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples.
+
+    Raises
+    ------
+    UserError
+        If there are fewer than two.
+    """
+    if samples.time.size < 2:
+        count = samples.time.size
+        what = f"only one instant ({list_rows(samples.rows.tolist())})" if count else "no row with a valid time"
+        raise refuse(samples.path, f"{what}; a record needs at least two different times")
+
+
+def drop_missing_time(samples: Samples) -> None:
+    """Drop the rows whose time is missing or infinite, in place.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples.
+    """
+    bad = ~np.isfinite(samples.time)
+    if bad.any():
+        rows = samples.rows[bad].tolist()
+        message = f"{len(rows)} rows without a valid time dropped ({list_rows(rows)})"
+        samples.repairs.append(Repair("missing time", message, tuple(rows)))
+        samples.keep(~bad)
+
+
+def sort_late_rows(samples: Samples) -> None:
+    """Sort in the few rows that come late, in place; refuse a clock that restarts or is set back.
+
+    A run of late rows is sorted if it is short, or if it fits between two neighbouring samples (a packet that arrived
+    late). Any other run overlaps what was measured before it: sorting would shuffle two different times together.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples, all times finite.
+
+    Raises
+    ------
+    UserError
+        If the clock restarts, is set back, or too many rows are late.
+    """
+    time = samples.time
+    before = np.maximum.accumulate(time)
+    late = np.zeros(time.size, dtype=bool)
+    late[1:] = time[1:] < before[:-1]
+    if not late.any():
+        return
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        jump = (
+            f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]} at {time[first]:g} s"
+        )
+        elapsed = before[first - 1] - time[0]
+        if first >= RESTART_AFTER_ROWS and time[first] - time[0] <= 0.05 * elapsed:
+            raise refuse(
+                samples.path,
+                f"the clock restarts: {jump}; split the file before row {samples.rows[first]} "
+                "and use each part as a record",
+            )
+        if end - first > LATE_RUN_ROWS and not fills_a_hole(time, first, end):
+            raise refuse(
+                samples.path,
+                f"the clock jumps back: {jump}, and {end - first} rows follow before it catches up (sorted are at most "
+                f"{LATE_RUN_ROWS}); split the file before row {samples.rows[first]}, or correct the time",
+            )
+    rows = samples.rows[late].tolist()
+    if len(rows) > max(LATE_RUN_ROWS, 0.01 * time.size) and len(edges) // 2 > LATE_RUN_ROWS:
+        raise refuse(
+            samples.path,
+            f"{len(rows)} of {time.size} rows are out of order ({list_rows(rows)}); sorted are at most 1 %: "
+            "the times do not order this record",
+        )
+    samples.repairs.append(Repair("order", f"{len(rows)} rows out of order sorted ({list_rows(rows)})", tuple(rows)))
+    samples.keep(np.argsort(time, kind="stable"))
+
+
+def fills_a_hole(time: NDArray[np.float64], first: int, end: int) -> bool:
+    """Tell whether late rows fit, in order, between two neighbouring earlier samples.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    first, end : int
+        The run of late rows is ``time[first:end]``.
+
+    Returns
+    -------
+    bool
+        True if no earlier sample lies between the first and the last of the run.
+    """
+    run = time[first:end]
+    inside = (time[:first] >= run.min()) & (time[:first] <= run.max())
+    return bool(np.all(np.diff(run) >= 0) and not inside.any())
+
+
+def average_duplicates(samples: Samples) -> None:
+    """Replace the rows of one time by their mean, in place.
+
+    The mean is the least-squares estimate of a quantity measured repeatedly at one instant; an ordered integrator can
+    use only one value there. Missing cells are left out of the mean.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples, sorted by time.
+    """
+    time = samples.time
+    first = np.concatenate(([True], np.diff(time) > 0))
+    if first.all():
+        return
+    group = np.cumsum(first) - 1
+    repeated = samples.rows[~first].tolist()
+    alike = True
+    means = {}
+    for name, values in samples.values.items():
+        valid = ~np.isnan(values)
+        count = np.bincount(group[valid], minlength=group[-1] + 1)
+        reference = values[first][group]
+        alike = alike and bool(np.all((values == reference) | (~valid & np.isnan(reference))))
+        # taken around the group's first value, so that equal values give exactly that value
+        finite_reference = np.where(np.isnan(reference), 0.0, reference)
+        total = np.bincount(group[valid], weights=(values - finite_reference)[valid], minlength=group[-1] + 1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            means[name] = finite_reference[first] + total / count
+    instants = int((np.bincount(group) > 1).sum())
+    what = "identical values" if alike else "their values averaged"
+    message = (
+        f"{len(repeated)} rows repeat the time of an earlier row ({instants} instants, {what}): "
+        f"{time.size} rows became {int(first.sum())} ({list_rows(repeated)})"
+    )
+    samples.keep(first)
+    samples.values = means
+    samples.repairs.append(Repair("duplicates", message, tuple(repeated)))
+
+
+def notice_gaps(samples: Samples) -> None:
+    """Note gaps and uneven sampling, in place; both matter to tests for whiteness.
+
+    A step is a gap if it exceeds ten times the median step of the record and of its surroundings, so that a record with
+    logarithmic sampling is called uneven and not full of gaps.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples, strictly increasing in time.
+    """
+    steps = np.diff(samples.time)
+    median = float(np.median(steps))
+    suspects = np.flatnonzero(steps > GAP_FACTOR * median)
+    gaps = [i for i in suspects if steps[i] > GAP_FACTOR * np.median(steps[max(0, i - 5) : i + 6])]
+    if gaps:
+        rows = samples.rows[np.array(gaps) + 1].tolist()
+        longest = gaps[int(np.argmax(steps[gaps]))]
+        message = (
+            f"{len(gaps)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s, the longest "
+            f"{steps[longest]:.4g} s before row {samples.rows[longest + 1]}; kept (before {list_rows(rows)})"
+        )
+        samples.repairs.append(Repair("gap", message, tuple(rows)))
+    low, high = np.quantile(steps, [0.05, 0.95])
+    if 0.5 * high > low:
+        message = f"uneven sampling: 90 % of the steps lie between {low:.4g} s and {high:.4g} s"
+        samples.repairs.append(Repair("uneven sampling", message))

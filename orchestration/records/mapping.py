@@ -1,0 +1,236 @@
+"""Which column of a file is which signal of the model: by equal names, or by ``--map column=signal[unit]``."""
+
+import difflib
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+from fmus.kit.errors import UserError
+from orchestration.records.record import Repair, refuse
+from orchestration.records.table import Column, Table, split_header_cell
+
+TIME = "time"
+_TIME_NAMES = frozenset({"time", "t", "x_value"})
+
+
+@dataclass(frozen=True)
+class Match:
+    """A column and the signal it is.
+
+    Parameters
+    ----------
+    column : Column
+        The column of the file.
+    signal : str
+        The model's name, or ``"time"``.
+    unit : str or None
+        The unit the user says the column is in; None: take the file's.
+    """
+
+    column: Column
+    signal: str
+    unit: str | None
+
+
+def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
+    """Parse ``file_column=signal`` and ``file_column=signal[unit]`` entries.
+
+    Parameters
+    ----------
+    entries : iterable of str
+        As given on the command line.
+
+    Returns
+    -------
+    dict of str to str
+        File column to signal, the unit still behind it: ``{"strain": "displacement[m]"}``.
+
+    Raises
+    ------
+    UserError
+        If an entry has not that form, or a column or a signal occurs twice.
+    """
+    mapping: dict[str, str] = {}
+    for entry in entries:
+        column, equals, target = (part.strip() for part in entry.rpartition("="))
+        signal, unit = split_header_cell(target)
+        if not (equals and column and signal) or set("[]") & set(signal) or (unit is None and "[" in target):
+            raise UserError(f"--map '{entry}': the form is file_column=signal or file_column=signal[unit]")
+        if column in mapping:
+            raise UserError(f"--map '{entry}': column '{column}' is mapped twice")
+        if signal in (split_header_cell(other)[0] for other in mapping.values()):
+            raise UserError(f"--map '{entry}': signal '{signal}' is mapped twice")
+        mapping[column] = target
+    return mapping
+
+
+def suggest(word: str, choices: Collection[str]) -> str:
+    """Phrase a suggestion for a misspelt name.
+
+    Parameters
+    ----------
+    word : str
+        What was written.
+    choices : collection of str
+        What there is.
+
+    Returns
+    -------
+    str
+        ``" (did you mean 'x'?)"``, or empty.
+    """
+    folded = {choice.casefold(): choice for choice in choices}
+    close = difflib.get_close_matches(word.casefold(), list(folded), n=1)
+    return f" (did you mean '{folded[close[0]]}'?)" if close else ""
+
+
+def find_column(table: Table, name: str, why: str) -> Column:
+    """Find a column by its name, or by its whole header cell ``name [unit]``.
+
+    Parameters
+    ----------
+    table : Table
+        The file's columns.
+    name : str
+        What the user calls it.
+    why : str
+        Start of the message if it is not there.
+
+    Returns
+    -------
+    Column
+        The column.
+
+    Raises
+    ------
+    UserError
+        If there is none, or more than one.
+    """
+    found = [column for column in table.columns if name in (column.name, f"{column.name} [{column.unit}]")]
+    if len(found) > 1:
+        raise refuse(table.path, f"{len(found)} columns are called '{name}'; rename them")
+    if not found:
+        names = table.names()
+        raise refuse(
+            table.path, f"{why}: there is no column '{name}'{suggest(name, names)}; there are: {', '.join(names)}"
+        )
+    return found[0]
+
+
+def match_columns(
+    table: Table, signals: Mapping[str, str], mapping: Mapping[str, str], required: Collection[str]
+) -> list[Match]:
+    """Decide which column is which signal; time comes first.
+
+    Parameters
+    ----------
+    table : Table
+        The file's columns; takes a line for what is ignored.
+    signals : mapping of str to str
+        The model's signals and their units.
+    mapping : mapping of str to str
+        The user's renaming, as `parse_mapping` gives it.
+    required : collection of str
+        Signals that must be there.
+
+    Returns
+    -------
+    list of Match
+        Time, then the signals in the model's order.
+
+    Raises
+    ------
+    UserError
+        If a mapped column, a required signal, the time or every signal is absent, or a name occurs twice.
+    """
+    matches: dict[str, Match] = {}
+    for name, target in mapping.items():
+        signal, unit = split_header_cell(target)
+        if signal != TIME and signal not in signals:
+            raise UserError(
+                f"--map '{name}={target}': the model has no signal '{signal}'{suggest(signal, signals)}; "
+                f"it has: {', '.join(signals)}"
+            )
+        if signal in matches:
+            raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
+        matches[signal] = Match(find_column(table, name, f"--map '{name}={target}'"), signal, unit)
+    taken = [match.column for match in matches.values()]
+    if len({id(column) for column in taken}) != len(taken):
+        raise refuse(table.path, "--map gives one column to two signals")
+    if TIME not in matches:
+        matches[TIME] = Match(find_time(table, signals, taken), TIME, None)
+    taken.append(matches[TIME].column)
+    for signal in signals:
+        if signal in matches:
+            continue
+        free = [
+            column for column in table.columns if column.name == signal and not any(column is other for other in taken)
+        ]
+        if len(free) > 1:
+            raise refuse(table.path, f"{len(free)} columns are called '{signal}'; rename them, or keep one")
+        if free:
+            matches[signal] = Match(free[0], signal, None)
+            taken.append(free[0])
+    left = [column.name for column in table.columns if not any(column is other for other in taken)]
+    for signal in required:
+        if signal not in matches:
+            there = ", ".join(table.names())
+            raise refuse(
+                table.path,
+                f"the signal '{signal}' [{signals.get(signal, '?')}] is required and absent{suggest(signal, left)}; "
+                f"columns there are: {there}; to rename one: --map 'column={signal}'",
+            )
+    if len(matches) == 1:
+        raise refuse(
+            table.path,
+            f"none of the columns {', '.join(table.names())} is a signal of the model ({', '.join(signals)}); "
+            "to rename one: --map 'column=signal'",
+        )
+    if left:
+        hints = [f"'{name}'{suggest(name, [s for s in signals if s not in matches])}" for name in left]
+        table.repairs.append(Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}"))
+    return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
+
+
+def find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> Column:
+    """Find the time column: the one called time, else the first column if its unit is a time.
+
+    Parameters
+    ----------
+    table : Table
+        The file's columns.
+    signals : mapping of str to str
+        The model's signals.
+    taken : list of Column
+        Columns the user has mapped to signals.
+
+    Returns
+    -------
+    Column
+        The time column.
+
+    Raises
+    ------
+    UserError
+        If there is none, or more than one.
+    """
+    from orchestration.records.units import parse_unit
+
+    free = [column for column in table.columns if not any(column is other for other in taken)]
+    named = [column for column in free if column.name.casefold() in _TIME_NAMES and column.name not in signals]
+    exact = [column for column in named if column.name.casefold() == TIME] or named
+    if len(exact) > 1:
+        raise refuse(table.path, f"{len(exact)} columns are called time; keep one, or --map 'column=time'")
+    if exact:
+        return exact[0]
+    first = table.columns[0]
+    if any(first is column for column in free) and first.unit is not None and first.name not in signals:
+        try:
+            if parse_unit(first.unit).dimensionality == {"[time]": 1}:
+                return first
+        except UserError:
+            pass
+    raise refuse(
+        table.path,
+        f"no time column: the first column is '{first.name}' [{first.unit or 'no unit'}], and none is called time; "
+        f"to say which it is: --map '{first.name}=time[s]'",
+    )

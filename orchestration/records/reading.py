@@ -1,0 +1,104 @@
+"""From a file to a record: read, match, convert, repair, notice."""
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from fmus.kit.errors import UserError
+from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
+from orchestration.records.clock import Samples, repair_clock
+from orchestration.records.mapping import TIME, Match, match_columns
+from orchestration.records.readers import read_table
+from orchestration.records.record import Record, Repair
+from orchestration.records.table import Table, numbers
+from orchestration.records.units import convert
+
+
+def read_record(
+    path: str | Path,
+    signals: Mapping[str, str],
+    *,
+    mapping: Mapping[str, str] | None = None,
+    required: Collection[str] = (),
+    inputs: Collection[str] = (),
+) -> Record:
+    """Read a measured record.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; told apart by content.
+    signals : mapping of str to str
+        The model's signals and the SI unit of each, as pint understands it: ``{"current": "A"}``.
+    mapping : mapping of str to str, optional
+        File column to signal, with the unit the column shall be read in if not the file's:
+        ``{"strain": "displacement[m]"}``. The target ``time`` names the time column.
+    required : collection of str
+        Signals that must be there.
+    inputs : collection of str
+        Which signals drive the model: their short holes are interpolated and long ones refused. A hole in any other
+        signal stays NaN.
+
+    Returns
+    -------
+    Record
+        In the units of `signals`, with strictly increasing time.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be used: file, row, reason.
+    """
+    path = Path(path)
+    for name in (*required, *inputs):
+        if name not in signals:
+            raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
+    table = read_table(path)
+    matches = match_columns(table, signals, mapping or {}, required)
+    units = {TIME: "s", **signals} if TIME not in signals else {**signals, TIME: "s"}
+    values = {match.signal: column_in_unit(table, match, units[match.signal]) for match in matches}
+    time = values.pop(TIME)
+    samples = Samples(path, time, values, table.rows, table.repairs)
+    # absurd values near the largest double overflow in differences; they are the file's, and no reason for a traceback
+    with np.errstate(over="ignore", invalid="ignore"):
+        mask_infinite(samples)
+        repair_clock(samples)
+        repair_holes(samples, inputs, required)
+        declared = {name: signals[name] for name in samples.values}
+        notice_channels(samples, declared)
+    return Record(samples.time, samples.values, declared, path, samples.repairs)
+
+
+def column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
+    """Give a column's values in the model's unit.
+
+    Parameters
+    ----------
+    table : Table
+        The file; takes a line where a unit was assumed or replaced.
+    match : Match
+        The column and its signal.
+    unit : str
+        The model's unit.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Values in `unit`.
+
+    Raises
+    ------
+    UserError
+        If a cell is no number, or the unit does not convert.
+    """
+    column = match.column
+    found = match.unit or column.unit
+    if found is None:
+        found = unit
+        message = f"column '{column.name}' states no unit: taken as {unit}, the unit of {match.signal}"
+        table.repairs.append(Repair("unit assumed", message))
+    elif match.unit is not None and column.unit is not None and match.unit != column.unit:
+        message = f"column '{column.name}' [{column.unit}] read as {match.signal} in {match.unit}, as asked"
+        table.repairs.append(Repair("unit replaced", message))
+    return convert(table.path, column.name, numbers(table, column), found, unit, match.signal)

@@ -1,0 +1,126 @@
+"""What reading a file yields: the record itself and the lines that say what was repaired or noticed."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+
+REPAIRING_KINDS = frozenset(
+    {"partial line", "missing time", "order", "duplicates", "filled hole", "masked", "infinite", "unit replaced"}
+)
+"""Kinds of `Repair` that changed, dropped or reinterpreted data; all others only state a fact about it."""
+
+
+@dataclass(frozen=True)
+class Repair:
+    """One thing that was repaired in, or noticed about, a file.
+
+    Parameters
+    ----------
+    kind : str
+        Short fixed name, for example ``"duplicates"`` or ``"gap"``.
+    message : str
+        One line for the user.
+    rows : tuple of int
+        The rows concerned: line numbers of a text file, data rows (from 1) of a binary file.
+        For a gap, the row after it.
+    """
+
+    kind: str
+    message: str
+    rows: tuple[int, ...] = ()
+
+    @property
+    def changed_data(self) -> bool:
+        """Whether data was changed, dropped or reinterpreted (otherwise the line is a notice)."""
+        return self.kind in REPAIRING_KINDS
+
+
+@dataclass
+class Record:
+    """A measured record in SI units.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds, strictly increasing.
+    signals : dict of str to ndarray, shape (n,)
+        Values in the unit the model declares; NaN where an output has no valid sample.
+    units : dict of str to str
+        Unit of every signal, as the model declares it.
+    source : Path
+        The file.
+    repairs : list of Repair
+        What was repaired or noticed, in the order it happened.
+    """
+
+    time: NDArray[np.float64]
+    signals: dict[str, NDArray[np.float64]]
+    units: dict[str, str]
+    source: Path
+    repairs: list[Repair] = field(default_factory=list)
+
+    def describe(self) -> str:
+        """Say in a few lines what the record holds and what was done to it.
+
+        Returns
+        -------
+        str
+            One line for the record, one per signal, one per repair.
+        """
+        step = float(np.median(np.diff(self.time)))
+        lines = [
+            f"{self.source}: {self.time.size} samples, {self.time[0]:.6g} s to {self.time[-1]:.6g} s, "
+            f"median step {step:.6g} s"
+        ]
+        for name, values in self.signals.items():
+            missing = int(np.isnan(values).sum())
+            tail = f", {missing} missing" if missing else ""
+            lines.append(f"  {name} [{self.units[name]}]: {np.nanmin(values):.6g} to {np.nanmax(values):.6g}{tail}")
+        lines += [f"  {'repaired' if r.changed_data else 'noticed'} ({r.kind}): {r.message}" for r in self.repairs]
+        return "\n".join(lines)
+
+
+def list_rows(rows: Iterable[int], limit: int = 5) -> str:
+    """Write row numbers for a message: all of them if few, else the first `limit` and how many there are.
+
+    Parameters
+    ----------
+    rows : iterable of int
+        Row numbers.
+    limit : int
+        How many to spell out.
+
+    Returns
+    -------
+    str
+        For example ``"row 4"`` or ``"rows 3, 4, 5, 6, 7 and 12 more"``.
+    """
+    numbers = list(rows)
+    if len(numbers) == 1:
+        return f"row {numbers[0]}"
+    shown = ", ".join(str(number) for number in numbers[:limit])
+    more = f" and {len(numbers) - limit} more" if len(numbers) > limit else ""
+    return f"rows {shown}{more}"
+
+
+def refuse(path: Path, message: str) -> UserError:
+    """Make the error for a file that cannot be used (the caller raises it).
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    message : str
+        Row, reason and what is allowed.
+
+    Returns
+    -------
+    UserError
+        Its text starts with the file.
+    """
+    return UserError(f"{path}: {message}")

@@ -1,0 +1,195 @@
+"""Test signals on a given time vector: the thesis' square waves and staircases, and the usual identification inputs.
+
+Every function returns an array of the shape of `time` (s). Amplitudes carry whatever unit the driven input has (A, N).
+Switches belong to the new value: a signal that changes at t has its new value at t.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+# A sample that rounding puts just before a switch belongs after it; this is the fraction of a period forgiven.
+_ROUNDING = 1e-9
+
+
+def square_wave(time: ArrayLike, amplitude: float, frequency: float, offset: float = 0.0) -> Array:
+    """Return ``offset + amplitude`` in the first half of every period from t = 0, ``offset - amplitude`` in the other.
+
+    Parameters
+    ----------
+    time : (n,) s
+    amplitude, offset : unit of the input
+    frequency : Hz, above 0
+
+    Raises
+    ------
+    ValueError
+        If the frequency is not above 0.
+    """
+    _require_positive("frequency", frequency, "Hz")
+    half_periods = np.floor(2 * frequency * _vector(time) + _ROUNDING)
+    return offset + amplitude * np.where(half_periods % 2 == 0, 1.0, -1.0)
+
+
+def force_staircase(
+    time: ArrayLike, period: float, bias: float = 0.5, increment: float = 0.25, maximum: float = 2.75
+) -> Array:
+    """Return the incremental square waves of figs. 3-6 to 3-9: load ever one level higher, return to the bias.
+
+    Period k = 0, 1, ... (from t = 0) holds ``bias + (k + 1) increment`` for its first half and the bias for its second;
+    after the period that reaches `maximum`, and before t = 0, the force is the bias.
+
+    Parameters
+    ----------
+    time : (n,) s
+    period : s, above 0, of one loading and unloading (the thesis does not print its value)
+    bias, maximum : N
+    increment : N, above 0
+
+    Raises
+    ------
+    ValueError
+        If period or increment is not above 0, or the maximum lies below the first level.
+    """
+    _require_positive("period", period, "s")
+    _require_positive("increment", increment, "N")
+    levels = int(np.floor((maximum - bias) / increment + _ROUNDING))
+    if levels < 1:
+        raise ValueError(f"maximum = {maximum} N: must be at least bias + increment = {bias + increment} N")
+    half_periods = np.floor(2 * _vector(time) / period + _ROUNDING)
+    loading = half_periods // 2
+    loaded = (half_periods % 2 == 0) & (loading >= 0) & (loading < levels)
+    return bias + np.where(loaded, (loading + 1) * increment, 0.0)
+
+
+def multilevel(time: ArrayLike, levels: Sequence[float], dwell: tuple[float, float], seed: int) -> Array:
+    """Return random jumps among `levels`, each held for a random time and never followed by itself.
+
+    Parameters
+    ----------
+    time : (n,) s, increasing
+    levels : at least two different values, unit of the input
+    dwell : (shortest, longest) holding time, s, uniformly distributed
+    seed : of the random generator
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two levels, or ``0 < shortest <= longest`` does not hold.
+    """
+    choices = np.unique(levels)
+    shortest, longest = dwell
+    if choices.size < 2:
+        raise ValueError(f"levels = {list(levels)}: at least two different values are needed")
+    if not 0 < shortest <= longest:
+        raise ValueError(f"dwell = {dwell} s: must satisfy 0 < shortest <= longest")
+    t = _vector(time)
+    generator = np.random.default_rng(seed)
+    holds = int(np.ceil((t[-1] - t[0]) / shortest)) + 1
+    switches = t[0] + np.cumsum(generator.uniform(shortest, longest, holds))
+    # Moving on by 1 .. size-1 places (cyclically) reaches every other level with equal chance, never the same one.
+    moves = generator.integers(1, choices.size, holds)
+    places = (generator.integers(choices.size) + np.concatenate([[0], np.cumsum(moves)])) % choices.size
+    return choices[places[np.searchsorted(switches, t, side="right")]]
+
+
+def steps(time: ArrayLike, times: Sequence[float], values: Sequence[float], initial: float = 0.0) -> Array:
+    """Return `initial` before ``times[0]`` and ``values[k]`` from ``times[k]`` on.
+
+    Parameters
+    ----------
+    time : (n,) s
+    times : s, increasing
+    values : as many as `times`, unit of the input
+    initial : unit of the input
+
+    Raises
+    ------
+    ValueError
+        If `times` and `values` differ in length or `times` does not increase.
+    """
+    switches = np.asarray(times, dtype=float)
+    if switches.size != len(values) or np.any(np.diff(switches) <= 0):
+        raise ValueError(f"steps needs increasing times and as many values: got {list(times)} s and {list(values)}")
+    held = np.concatenate([[initial], np.asarray(values, dtype=float)])
+    return held[np.searchsorted(switches, _vector(time), side="right")]
+
+
+def ramp(time: ArrayLike, start: float, stop: float, initial: float, final: float) -> Array:
+    """Return a straight line from `initial` at `start` (s) to `final` at `stop` (s), constant before and after.
+
+    Raises
+    ------
+    ValueError
+        If `stop` is not later than `start`.
+    """
+    if not start < stop:
+        raise ValueError(f"ramp from {start} s to {stop} s: stop must be later than start")
+    return np.interp(_vector(time), [start, stop], [initial, final])
+
+
+def chirp(
+    time: ArrayLike,
+    amplitude: float,
+    start_frequency: float,
+    stop_frequency: float,
+    duration: float,
+    offset: float = 0.0,
+) -> Array:
+    """Return a sine from t = 0 whose frequency moves linearly from `start_frequency` to `stop_frequency` (Hz).
+
+    Parameters
+    ----------
+    time : (n,) s
+    amplitude, offset : unit of the input
+    start_frequency, stop_frequency : Hz, at t = 0 and at t = `duration`
+    duration : s, above 0
+
+    Raises
+    ------
+    ValueError
+        If the duration is not above 0.
+    """
+    _require_positive("duration", duration, "s")
+    t = _vector(time)
+    cycles = start_frequency * t + (stop_frequency - start_frequency) * t**2 / (2 * duration)
+    return offset + amplitude * np.sin(2 * np.pi * cycles)
+
+
+def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: int, offset: float = 0.0) -> Array:
+    """Return a sum of equally strong sines with random phases.
+
+    Parameters
+    ----------
+    time : (n,) s
+    frequencies : Hz, different from each other and above 0
+    rms : root mean square about the offset over a common period, unit of the input
+    seed : of the random phases
+    offset : unit of the input
+
+    Raises
+    ------
+    ValueError
+        If there are no frequencies, or they repeat or are not above 0.
+    """
+    tones = np.asarray(frequencies, dtype=float)
+    if tones.size == 0 or np.unique(tones).size != tones.size or np.any(tones <= 0):
+        raise ValueError(f"frequencies = {list(frequencies)} Hz: must be different from each other and above 0")
+    t = _vector(time)
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, tones.size)
+    total = np.zeros_like(t)
+    for tone, phase in zip(tones, phases, strict=True):
+        total += np.sin(2 * np.pi * tone * t + phase)
+    return offset + rms * np.sqrt(2 / tones.size) * total
+
+
+def _vector(time: ArrayLike) -> Array:
+    return np.asarray(time, dtype=float)
+
+
+def _require_positive(name: str, value: float, unit: str) -> None:
+    if not value > 0:
+        raise ValueError(f"{name} = {value} {unit}: must be above 0")
