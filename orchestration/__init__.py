@@ -1,0 +1,1 @@
+"""Compose, run and judge the components: records, identification, the command line."""

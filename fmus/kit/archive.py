@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,10 +42,13 @@ def write(path: Path, contents: bytes) -> None:
     UserError
         If the folder or the file cannot be written.
     """
-    temporary = path.with_name(path.name + ".part")
+    # beside the target, so that replacing it is one step; of this process, so that two builds do not mix
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_bytes(contents)
         temporary.replace(path)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise UserError(f"cannot write {path}: {error.strerror}") from error

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import uuid
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -36,6 +37,68 @@ def version() -> str:
     return importlib.metadata.version("ppy-rig")
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What will be in the archive, but for the binaries.
+
+    Attributes
+    ----------
+    name, runtime, guid : str
+    files : dict of str to bytes
+        Path in the archive to contents.
+    sources : dict of str to bytes
+        C files and headers by name.
+    """
+
+    name: str
+    runtime: str
+    guid: str
+    files: dict[str, bytes]
+    sources: dict[str, bytes]
+
+
+def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
+    """Collect everything that goes into an FMU and derive its GUID from it.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        A component, possibly with effects stacked on it.
+    runtime : {"python", "native"}
+        Laws interpreted by Python, or compiled from C.
+    remark : str
+        Added to the FMU's description.
+
+    Raises
+    ------
+    UserError
+        If there is no such runtime.
+    """
+    if runtime not in RUNTIMES:
+        raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(RUNTIMES)}")
+    graph = trace(cls)
+    files = _common(cls, remark)
+    files |= _python_package(cls) if runtime == "python" else {}
+    native = runtime == "native"
+    can = Capabilities(
+        needs_execution_tool=not native,
+        interpolates_inputs=native,
+        directional_derivatives=native,
+        sources=_compiled(runtime) if native else (),
+    )
+    unnamed = _sources(graph, runtime, _NO_GUID)
+    guid = _guid(files | unnamed | {"modelDescription.xml": describe(cls, graph, can, version(), _NO_GUID, remark)})
+    sources = _sources(graph, runtime, guid)
+    files["modelDescription.xml"] = describe(cls, graph, can, version(), guid, remark)
+    if native:
+        files |= {f"sources/{name}": text for name, text in sources.items()}
+    return Plan(cls.name, runtime, guid, files, sources)
+
+
+def _compiled(runtime: str) -> tuple[str, ...]:
+    return (*_FRONT_END, *_ENGINES[runtime], *_GENERATED[runtime])
+
+
 def build(
     cls: type[Component],
     runtime: str,
@@ -47,14 +110,10 @@ def build(
 
     Parameters
     ----------
-    cls : type[Component]
-        A component, possibly with effects stacked on it.
-    runtime : {"python", "native"}
-        Laws interpreted by Python, or compiled from C.
+    cls, runtime, remark
+        See :func:`plan`.
     platforms : sequence of str, optional
         FMI platforms to compile for; default is every platform that a compiler here can serve.
-    remark : str
-        Added to the FMU's description.
     progress : callable
         Told what is being done, in a few words.
 
@@ -68,34 +127,41 @@ def build(
     UserError
         If no compiler is there, or a platform cannot be served.
     """
-    if runtime not in RUNTIMES:
-        raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(RUNTIMES)}")
-    graph = trace(cls)
-    files = _common(cls, remark)
-    files |= _python_package(cls) if runtime == "python" else {}
-    names = (*_FRONT_END, *_ENGINES[runtime], *_GENERATED[runtime])
-    can = Capabilities(
-        needs_execution_tool=runtime == "python",
-        interpolates_inputs=runtime == "native",
-        directional_derivatives=runtime == "native",
-        sources=names if runtime == "native" else (),
-    )
-    sources = _sources(cls, graph, runtime, _NO_GUID)
-    guid = _guid(files | sources | {"modelDescription.xml": describe(cls, graph, can, version(), _NO_GUID, remark)})
-    sources = _sources(cls, graph, runtime, guid)
-    files["modelDescription.xml"] = describe(cls, graph, can, version(), guid, remark)
-    if runtime == "native":
-        files |= {f"sources/{name}": text for name, text in sources.items()}
+    planned = plan(cls, runtime, remark)
+    return archive.pack(planned.files | _binaries(planned, platforms or available_platforms(), progress))
+
+
+def build_cached(cls: type[Component], runtime: str) -> Path:
+    """Path of a component's FMU for this machine, built unless the cache has it.
+
+    Raises
+    ------
+    UserError
+        See :func:`build`.
+    """
+    planned = plan(cls, runtime)
+    target = toolchain.host_platform()
+    path = toolchain.cache_folder() / f"{planned.guid.strip('{}')}-{target}" / f"{cls.name}.fmu"
+    if not path.exists():
+        archive.write(path, archive.pack(planned.files | _binaries(planned, [target], lambda text: None)))
+    return path
+
+
+def _binaries(planned: Plan, platforms: Sequence[str], progress: Callable[[str], None]) -> dict[str, bytes]:
+    files = {}
     with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-        for name, contents in sources.items():
+        for name, contents in planned.sources.items():
             (Path(folder) / name).write_bytes(contents)
-        for target in platforms or available_platforms():
-            progress(f"compiling {cls.name} for {target} with {toolchain.find_compiler(target).label}")
+        for target in platforms:
+            progress(f"{planned.name}: {planned.runtime} for {target}, with {toolchain.find_compiler(target).label}")
             library = toolchain.compile_library(
-                [Path(folder) / name for name in names], [Path(folder)], target, libraries=_LIBRARIES[runtime]
+                [Path(folder) / name for name in _compiled(planned.runtime)],
+                [Path(folder)],
+                target,
+                libraries=_LIBRARIES[planned.runtime],
             )
-            files[f"binaries/{target}/{cls.name}{toolchain.EXTENSIONS[target]}"] = library
-    return archive.pack(files)
+            files[f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"] = library
+    return files
 
 
 def available_platforms() -> list[str]:
@@ -131,15 +197,12 @@ def _folder(cls: type[Component]) -> Path:
     return Path(sys.modules[cls.__module__].__file__ or "").parent
 
 
-def _sources(cls: type[Component], graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
+def _sources(graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
     """Every C file of the build, and the headers it needs."""
-    import fmpy
-
-    generated = codegen.native_sources(cls, graph, guid) if runtime == "native" else codegen.python_sources(cls, guid)
+    generated = codegen.native_sources(graph, guid) if runtime == "native" else codegen.python_sources(graph, guid)
     own = {p.name: p.read_bytes() for p in (KIT / "fmi2").iterdir() if p.suffix == ".h"}
     own |= {name: (KIT / "fmi2" / name).read_bytes() for name in (*_FRONT_END, *_ENGINES[runtime])}
-    headers = Path(fmpy.__file__).parent / "c-code"
-    own |= {name: (headers / name).read_bytes() for name in _FMI_HEADERS}
+    own |= {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
     return own | {name: text.encode() for name, text in generated.items()}
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import casadi as ca
 
-from .component import Component
 from .declare import DiscreteDeclaration, InputDeclaration, OutputDeclaration, ParameterDeclaration, StateDeclaration
 from .trace import Graph
 
@@ -36,12 +35,13 @@ def _c_string(text: str) -> str:
     return json.dumps(text)  # the escapes of JSON are those of C for printable ASCII
 
 
-def tables(cls: type[Component], guid: str) -> dict[str, str]:
+def tables(graph: Graph, guid: str) -> dict[str, str]:
     """Write the tables that the front-end reads.
 
     Parameters
     ----------
-    cls : type[Component]
+    graph : Graph
+        The traced component.
     guid : str
 
     Returns
@@ -49,7 +49,7 @@ def tables(cls: type[Component], guid: str) -> dict[str, str]:
     dict of str to str
         ``model.h`` without the sizes of the laws, and ``model.c``.
     """
-    layout = cls.layout
+    layout = graph.layout
     groups = layout.sampled
     sizes = {
         "PARAMETERS": layout.parameters, "INPUTS": layout.inputs, "STATES": layout.states,
@@ -74,9 +74,9 @@ def tables(cls: type[Component], guid: str) -> dict[str, str]:
     ]
     body = [
         "#include <math.h>", '#include "engine.h"', "",
-        f"const char model_name[] = {_c_string(cls.name)};",
+        f"const char model_name[] = {_c_string(graph.name)};",
         f"const char model_guid[] = {_c_string(guid)};",
-        f"const double model_tolerance = {_c_double(cls.tolerance)};",
+        f"const double model_tolerance = {_c_double(graph.tolerance)};",
         "const Variable model_variables[] = {", *rows, "};",
         f"const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
         "const Group model_groups[] = {", *(periods or ["    {0.0, -1},"]), "};",
@@ -84,27 +84,28 @@ def tables(cls: type[Component], guid: str) -> dict[str, str]:
     return {"model.h": "\n".join(header) + "\n", "model.c": "\n".join(body) + "\n"}
 
 
-def native_sources(cls: type[Component], graph: Graph, guid: str) -> dict[str, str]:
+def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, str]:
     """Write every generated file of the native build.
 
     Parameters
     ----------
-    cls : type[Component]
     graph : Graph
         The traced component.
     guid : str
+    tangent : bool
+        Whether directional derivatives are wanted.
 
     Returns
     -------
     dict of str to str
         ``model.h``, ``model.c`` and ``laws.c``.
     """
-    functions = graph.functions()
+    functions = graph.functions(tangent)
     sizes = {
         "ARG": max(f.sz_arg() for f in functions), "RES": max(f.sz_res() for f in functions),
         "IW": max(1, *(f.sz_iw() for f in functions)), "W": max(1, *(f.sz_w() for f in functions)),
     }  # fmt: skip
-    files = tables(cls, guid)
+    files = tables(graph, guid)
     updates = "".join(f" X(update_{i})" for i in range(len(graph.updates)))
     lines = [*(f"#define LAWS_SZ_{k} {n}" for k, n in sizes.items()), f"#define LAWS_UPDATES(X){updates}", "#endif"]
     files["model.h"] += "\n".join(lines) + "\n"
@@ -112,9 +113,9 @@ def native_sources(cls: type[Component], graph: Graph, guid: str) -> dict[str, s
     return files
 
 
-def python_sources(cls: type[Component], guid: str) -> dict[str, str]:
+def python_sources(graph: Graph, guid: str) -> dict[str, str]:
     """Write every generated file of the Python build, ``model.h`` and ``model.c``; the laws stay in Python."""
-    files = tables(cls, guid)
+    files = tables(graph, guid)
     files["model.h"] += "#endif\n"
     return files
 

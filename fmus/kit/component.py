@@ -104,7 +104,7 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
     Parameters
     ----------
     base : type[Component]
-        The component class.
+        The component class, also one that has effects already.
     *effects : type[Effect]
         Effects, innermost first.
     name : str, optional
@@ -113,11 +113,22 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
     Returns
     -------
     type[Component]
+
+    Raises
+    ------
+    UserError
+        If an effect is given twice.
     """
+    prefix = base.name
+    base, earlier = vars(base).get("stacked", (base, ()))
+    repeated = [e.id for e in effects if e in earlier or effects.count(e) > 1]
+    if repeated:
+        raise UserError(f"{prefix}: effect {repeated[0]!r} is laid over it twice")
+    name = name or "_with_".join([prefix, *(e.id for e in effects)])
+    effects = (*earlier, *effects)
     title = "".join(e.__name__ for e in reversed(effects)) + base.__name__
     return type(
         title,
         (*reversed(effects), base),
-        {"name": name or "_with_".join([base.name, *(e.id for e in effects)]), "__doc__": base.__doc__,
-         "__module__": base.__module__, "stacked": (base, effects)},
-    )  # fmt: skip
+        {"name": name, "__doc__": base.__doc__, "__module__": base.__module__, "stacked": (base, effects)},
+    )

@@ -28,7 +28,7 @@ def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[A
         try:
             return scalar(x)
         except OverflowError:
-            return math.inf
+            return x if name == "floor" else math.inf
         except ValueError:  # outside the domain, where C returns a special value
             return -math.inf if name == "log" and x == 0 else math.nan
 
@@ -44,7 +44,7 @@ sin = _unary("sin", math.sin, "Sine of an angle in rad.")
 cos = _unary("cos", math.cos, "Cosine of an angle in rad.")
 tanh = _unary("tanh", math.tanh, "Hyperbolic tangent.")
 floor = _unary("floor", lambda x: float(math.floor(x)), "Largest integer not above x.")
-sign = _unary("sign", lambda x: float((x > 0) - (x < 0)), "-1, 0 or 1.")
+sign = _unary("sign", lambda x: float((x > 0) - (x < 0)) if x == x else math.nan, "-1, 0 or 1.")
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:
@@ -59,16 +59,16 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
 
 
 def minimum(a: Any, b: Any) -> Any:
-    """Smaller of two values, element by element."""
+    """Smaller of two values, element by element; like C's ``fmin`` it passes over a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
-        return a if a < b else b
+        return a if a < b or b != b else b
     return _library(b if isinstance(a, _SCALARS) else a).fmin(a, b)
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """Larger of two values, element by element."""
+    """Larger of two values, element by element; like C's ``fmax`` it passes over a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
-        return a if a > b else b
+        return a if a > b or b != b else b
     return _library(b if isinstance(a, _SCALARS) else a).fmax(a, b)
 
 

@@ -1,13 +1,16 @@
 """Internal integration of a component in Python: adaptive Runge-Kutta 4(3) and exact sample instants.
 
-The same algorithm, operation for operation, as ``fmi2/integrate.c``; see there or ``docs/decisions`` for why this one.
-It works on floats and on NumPy arrays (a batch shares one internal step).
+The method, its error estimate and the step control are those of ``fmi2/integrate.c``; see ``docs/decisions`` for why
+this one. For speed the size of a state is taken before the step only, so the two may choose different internal steps
+within the same tolerance. It works on floats and on NumPy arrays (a batch shares one internal step).
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
+from typing import Any
 
 from .component import Component
 from .errors import UserError
@@ -21,7 +24,8 @@ def _unrolled(names: list[str], batch: bool) -> str:
     """Source of one trial step, unrolled over the states: a loop would cost a Python FMU three times as much.
 
     The function returns the error relative to the tolerance, infinity if it is not finite, and leaves the states as
-    they were if that is above 1.
+    they were if that is above 1. Where C computes infinity, Python may raise (``1e200**2``, ``1 / 0``); that too is
+    an infinite error.
     """
     n = range(len(names))
 
@@ -37,14 +41,16 @@ def _unrolled(names: list[str], batch: bool) -> str:
         "def step(m, t, h, tolerance, nominal, rates):",
         f"    {each('r{i}', ', ')}, = rates",
         f"    {each('n{i}', ', ')}, = nominal",
-        "    m.time = t; " + each("x{i} = m.{s}"),
-        "    " + each("a{i} = r{i}()"),
+        "    " + each("x{i} = m.{s}"),
+    ]
+    body = [
+        "    m.time = t; " + each("a{i} = r{i}()"),
         "    g = 0.5 * h",
     ]
     for letter, time, state in stages:
-        lines += [f"    m.time = {time}; " + each("m.{s} = " + state), "    " + each(letter + "{i} = r{i}()")]
+        body += [f"    m.time = {time}; " + each("m.{s} = " + state), "    " + each(letter + "{i} = r{i}()")]
     worst = "max({})" if len(names) > 1 else "{}"
-    lines += [
+    body += [
         "    g = h / 6.0",
         "    " + each("m.{s} = x{i} + g * (a{i} + 2.0 * b{i} + 2.0 * c{i} + d{i})"),
         "    g = h / 10.0 / tolerance",
@@ -55,7 +61,13 @@ def _unrolled(names: list[str], batch: bool) -> str:
         "    if error > 1.0: " + each("m.{s} = x{i}"),
         "    return error",
     ]
+    lines += ["    try:", *("    " + line for line in body)]
+    lines += ["    except ArithmeticError: " + each("m.{s} = x{i}") + "; return inf"]
     return "\n".join(lines)
+
+
+def _all(condition: Any) -> bool:
+    return condition if isinstance(condition, bool) else bool(condition.all())
 
 
 class Integrator:
@@ -76,6 +88,8 @@ class Integrator:
         Number of samples taken in each group of discrete states.
     start_time : float
         Time of the first sample instant.
+    tolerance : float
+        Accuracy of an internal step; the component's own unless it is replaced.
     """
 
     def __init__(self, component: Component, batch: bool = False):
@@ -91,11 +105,15 @@ class Integrator:
         self.hint = math.inf
         self.counters = [0.0] * len(self.groups)
         self.start_time = 0.0
+        self.tolerance = component.tolerance
+        self._budget = MOST_STEPS
         self._step: Callable[..., float] | None = None
         if self.names:
             namespace = {"inf": math.inf}
             exec(_unrolled(self.names, batch), namespace)
-            self._step = namespace["step"]  # type: ignore[assignment]
+            step: Any = namespace["step"]
+            # a trial step that overflows is rejected, no reason for NumPy to warn
+            self._step = sys.modules["numpy"].errstate(all="ignore")(step) if batch else step
 
     def advance(self, time: float, step: float) -> None:
         """Advance the component from ``time`` to ``time + step``.
@@ -115,7 +133,7 @@ class Integrator:
         if not self.groups:
             self._integrate(time, time + step)
             return
-        end = time + step
+        end, self._budget = time + step, MOST_STEPS
         while time < end:
             target = end
             for index, group in enumerate(self.groups):
@@ -126,7 +144,7 @@ class Integrator:
                     instant = self.start_time + self.counters[index] * period
                 if instant < end - _SAME_INSTANT * period:
                     target = min(target, instant)
-            self._integrate(time, target)
+            self._budget -= self._integrate(time, target)
             time = target
 
     def _period(self, period: str | float) -> float:
@@ -139,17 +157,18 @@ class Integrator:
             setattr(self.component, name, value)
         self.counters[index] += 1.0
 
-    def _integrate(self, time: float, target: float) -> None:
+    def _integrate(self, time: float, target: float) -> int:
+        """Integrate from ``time`` to ``target``; the number of internal steps is returned, less the last one."""
         trial = self._step
         if trial is None:
-            return
-        component, tolerance, nominal, rates = self.component, self.component.tolerance, self.nominal, self.rates
-        for _ in range(MOST_STEPS):
+            return 0
+        component, tolerance, nominal, rates = self.component, self.tolerance, self.nominal, self.rates
+        for used in range(self._budget):
             left = target - time
             h = self.hint if self.hint <= 0.999 * left else left
             error = trial(component, time, h, tolerance, nominal, rates)
             if error <= 1.0 and h == left and self.hint == math.inf:
-                return
+                return used
             following = (
                 h * min(max(0.9 * error**-0.25, 0.2), 5.0)
                 if 0.0 < error < math.inf
@@ -160,12 +179,22 @@ class Integrator:
                 # a step shortened to land on the target says nothing against a longer one
                 self.hint = max(self.hint, following) if h == left else following
                 if h == left:
-                    return
+                    return used
             elif h < SMALLEST_STEP * max(1.0, abs(time)):
-                reason = (
-                    f"accuracy {tolerance:g} cannot be reached" if error < math.inf else "the states are not finite"
-                )
-                raise UserError(f"{reason} at {time:g} s")
+                reason = f"accuracy {tolerance:g} cannot be reached" if error < math.inf else self._culprit()
+                raise UserError(f"{reason} at {time:.10g} s")
             else:
                 self.hint = following
-        raise UserError(f"more than {MOST_STEPS} internal steps in one communication step at {time:g} s")
+        raise UserError(f"more than {MOST_STEPS} internal steps in one communication step at {time:.10g} s")
+
+    def _culprit(self) -> str:
+        """Name the first state whose rate cannot be computed where the integration stopped."""
+        for name, rate in zip(self.names, self.rates, strict=True):
+            try:
+                value = rate()
+            except ArithmeticError as error:
+                return f"not finite: {name} ({error})"
+            # the difference is zero for every finite value, of a float or of each element of an array
+            if not _all(value - value == 0.0):
+                return f"not finite: {name}"
+        return f"not finite: {self.names[0]}"

@@ -14,7 +14,7 @@ from .component import Component
 from .errors import UserError
 from .integrate import Integrator
 
-_HINT, _START_TIME, _PARAMETERS_CHANGED, _COUNTERS = 0, 1, 3, 4  # internals, in the order of fmi2/engine.h
+_HINT, _START_TIME, _TOLERANCE, _PARAMETERS_CHANGED, _COUNTERS = range(5)  # internals, in the order of fmi2/engine.h
 
 
 def _transfer(statements: list[str]) -> Callable[[Component, Any], None]:
@@ -58,6 +58,7 @@ class Slave:
 
     def initialize(self) -> str | None:
         """Run once at the end of initialization; a message means that the parameters cannot work."""
+        self.memory[self._internals + _PARAMETERS_CHANGED] = 1.0  # the host may have set the tolerance last
         return self.evaluate(0.0)
 
     def evaluate(self, time: float) -> str | None:
@@ -104,6 +105,7 @@ class Slave:
 
     def _take_parameters(self) -> None:
         self._load_parameters(self.component, self.memory)
+        self.integrator.tolerance = self.memory[self._internals + _TOLERANCE]
         self.memory[self._internals + _PARAMETERS_CHANGED] = 0.0
 
 

@@ -33,6 +33,20 @@ def host_platform() -> str:
     return {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}.get(platform.system(), "linux64")
 
 
+def fmi_headers() -> Path:
+    """Folder of the FMI headers, as shipped with fmpy."""
+    import fmpy
+
+    return Path(fmpy.__file__).parent / "c-code"
+
+
+def cache_folder() -> Path:
+    """Folder for compiled things that can be made again; ``PPY_CACHE`` in the environment moves it."""
+    import platformdirs
+
+    return Path(os.environ.get("PPY_CACHE") or platformdirs.user_cache_dir("ppy-rig"))
+
+
 @dataclass(frozen=True)
 class Compiler:
     """A C compiler for one platform.

@@ -7,6 +7,7 @@ linearisation.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,7 +16,8 @@ import casadi as ca
 import numpy as np
 
 from .component import Component
-from .declare import Layout
+from .declare import Declaration, Layout
+from .errors import UserError
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,10 @@ class Graph:
 
     Attributes
     ----------
+    name : str
+        Name of the component.
+    tolerance : float
+        Declared accuracy of the integration.
     layout : Layout
     time, parameters, inputs, states, discretes : casadi.SX
         Symbols.
@@ -33,6 +39,8 @@ class Graph:
         For each sample period, the values of *all* discrete states after its sample instant.
     """
 
+    name: str
+    tolerance: float
     layout: Layout
     time: ca.SX
     parameters: ca.SX
@@ -51,26 +59,30 @@ class Graph:
     @cached_property
     def start(self) -> tuple[ca.SX, ca.SX]:
         """Start parameters of the states and of the discrete states."""
-        starts = ca.vertsplit(self.parameters)[
-            len(self.layout.parameters) - self.states.numel() - self.discretes.numel() :
-        ]
-        n = self.states.numel()
-        return ca.vertcat(ca.SX(0, 1), *starts[:n]), ca.vertcat(ca.SX(0, 1), *starts[n:])
+        index = {p.name: i for i, p in enumerate(self.layout.parameters)}
 
-    def functions(self) -> list[ca.Function]:
-        """CasADi functions that the native engine calls (``fmi2/engine.h``): rates, outputs, updates, tangent."""
+        def starts(group: Sequence[Declaration]) -> ca.SX:
+            return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[f"{v.name}_start"]] for v in group))
+
+        return starts(self.layout.states), starts(self.layout.discretes)
+
+    def functions(self, tangent: bool = True) -> list[ca.Function]:
+        """CasADi functions that the native engine calls (``fmi2/engine.h``): rates, outputs, updates, tangent.
+
+        Without ``tangent`` the last one is there but empty, for uses that never differentiate.
+        """
         a = self.arguments
         names = ["time", "parameters", "inputs", "states", "discretes"]
         seeds = [ca.SX.sym("d" + name, symbol.numel()) for name, symbol in zip(names[1:], a[1:], strict=True)]
         known, seed = ca.vertcat(*a[1:]), ca.vertcat(*seeds)
         # sparse results would shorten the C arrays; the engine counts on full vectors
         rates, outputs, *updates = (ca.densify(e) for e in (self.rates, self.outputs, *self.updates))
-        tangents = [ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)]
+        tangents = [ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)] if tangent else []
         return [
             ca.Function("rates", a, ca.cse([rates]), {"cse": True}),
             ca.Function("outputs", a, ca.cse([outputs]), {"cse": True}),
             *(ca.Function(f"update_{i}", a, ca.cse([update])) for i, update in enumerate(updates)),
-            ca.Function("tangent", [*a, *seeds], ca.cse(tangents)),
+            ca.Function("tangent", [*a, *seeds], ca.cse(tangents) if tangents else []),
         ]
 
     def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
@@ -92,6 +104,11 @@ class Graph:
         -------
         A, B, C, D : ndarray
             State-space matrices from the inputs to the outputs, in layout order.
+
+        Raises
+        ------
+        UserError
+            If there is no variable of a name.
         """
         point = self.point(**values)
         pairs = [
@@ -104,9 +121,18 @@ class Graph:
         return tuple(m.full() for m in f(0.0, *point))
 
     def point(self, **values: float) -> list[np.ndarray]:
-        """Vectors of parameters, inputs, states and discretes: defaults, replaced by ``values``."""
+        """Vectors of parameters, inputs, states and discretes: defaults, replaced by ``values``.
+
+        Raises
+        ------
+        UserError
+            If there is no variable of a name.
+        """
         layout = self.layout
         groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
+        unknown = set(values) - {v.name for group in groups for v in group}
+        if unknown:
+            raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
         return [np.array([float(values.get(v.name, v.start)) for v in group]) for group in groups]
 
 
@@ -142,4 +168,6 @@ def trace(cls: type[Component]) -> Graph:
         updates.append(column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes]))
     rates, outputs = column(component.rates()), column(component.outputs())
     parameters, inputs, states, discretes = symbols
-    return Graph(layout, time, parameters, inputs, states, discretes, rates, outputs, tuple(updates))
+    return Graph(
+        cls.name, cls.tolerance, layout, time, parameters, inputs, states, discretes, rates, outputs, tuple(updates)
+    )

@@ -65,12 +65,21 @@ def parse(unit: str) -> pint.Unit:
 
 @lru_cache
 def base_unit(unit: str) -> BaseUnit:
-    """Express a unit in SI base units, for FMI's ``UnitDefinitions``."""
+    """Express a unit in SI base units, for FMI's ``UnitDefinitions``.
+
+    Raises
+    ------
+    UserError
+        If FMI cannot tell it: a fractional power, or a base unit outside SI.
+    """
     one, zero = (
         registry().Quantity(1.0, parse(unit)).to_base_units(),
         registry().Quantity(0.0, parse(unit)).to_base_units(),
     )
-    exponents = {_BASE[str(name)]: int(str(power).removesuffix(".0")) for name, power in one.unit_items()}
+    powers = {str(name): float(str(power)) for name, power in one.unit_items()}
+    if not all(name in _BASE and power.is_integer() for name, power in powers.items()):
+        raise UserError(f"unit {unit!r} is not made of integer powers of SI base units, as FMI requires")
+    exponents = {_BASE[name]: int(power) for name, power in powers.items()}
     return BaseUnit(exponents, float(one.magnitude - zero.magnitude), float(zero.magnitude))
 
 

@@ -1,0 +1,1 @@
+"""The other end of the cable: the rig, real or emulated."""

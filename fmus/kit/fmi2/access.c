@@ -3,7 +3,6 @@
 
 #include <limits.h>
 #include <math.h>
-#include <string.h>
 
 static const char *const type_names[] = {"Real", "Integer", "Boolean"};
 
@@ -191,6 +190,9 @@ EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueR
         results[i] = role == ROLE_DERIVATIVE ? result[index - FIRST_DERIVATIVE]
                      : role == ROLE_OUTPUT   ? result[MODEL_STATES + index - FIRST_OUTPUT]
                                              : seed[index];
+        if (!isfinite(results[i]))
+            return report(instance, fmi2Error, "%s: the derivative of '%s' is not a finite number", function,
+                          model_variables[index].name);
     }
     return fmi2OK;
 }

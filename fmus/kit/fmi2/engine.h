@@ -20,6 +20,7 @@
  *     update_k -> all discretes after the update of group k; those outside the group unchanged
  *     tangent  has four more inputs, a direction of parameters, inputs, states and discretes,
  *              -> the directional derivatives of the rates and of the outputs
+ *     Every result is dense (casadi.densify): a sparse one would put its values in the wrong places.
  *     Before anything else it says `#define CASADI_SYMBOL_EXPORT`, so that the laws are not exported.
  *
  * Memory of an instance: one block of doubles

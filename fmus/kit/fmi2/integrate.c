@@ -58,7 +58,8 @@ static bool give_up(const Engine *engine, double time, double error, Message mes
     if (isfinite(error))
         snprintf(message, MESSAGE_SIZE, "the integration cannot meet its tolerance at t = %.10g s", time);
     else
-        snprintf(message, MESSAGE_SIZE, "not finite: %s at t = %.10g s", model_variables[FIRST_STATE + worst].name, time);
+        snprintf(message, MESSAGE_SIZE, "not finite: %s at t = %.10g s", model_variables[FIRST_STATE + worst].name,
+                 time);
     return false;
 }
 

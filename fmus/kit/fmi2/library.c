@@ -1,4 +1,8 @@
-/* Finds Python's functions in the process, or else in a shared library, without linking to any. */
+/* Finds Python's functions in the process, or else in a shared library, without linking to any.
+ *
+ * A host without Python gets it with its first instance, which must not be created by two threads at once. A library
+ * whose standard library Python cannot find by itself needs the environment variable PYTHONHOME, or it ends the host.
+ */
 #include "python.h"
 
 #include <stdio.h>
@@ -18,6 +22,7 @@ static void find(Library library, const char *name, void *function) {
 /* On Windows a symbol is looked up in a named library only, so the library of the process has to be guessed by name. */
 static const char *const in_process[] = {"python3%d.dll", NULL};
 static const char *const on_disk[] = {"python3%d.dll", NULL};
+#define LIBRARY_NAME "python3x.dll"
 #else
 #include <dlfcn.h>
 
@@ -31,11 +36,14 @@ static void find(Library library, const char *name, void *function) {
 }
 static const char *const in_process[] = {"", NULL};
 #ifdef __APPLE__
+#define LIBRARY_NAME "libpython3.x.dylib"
 static const char *const on_disk[] = {"libpython3.%d.dylib",
                                       "/Library/Frameworks/Python.framework/Versions/3.%d/Python",
                                       "/opt/homebrew/opt/python@3.%d/Frameworks/Python.framework/Versions/3.%d/Python",
-                                      "/usr/local/opt/python@3.%d/Frameworks/Python.framework/Versions/3.%d/Python", NULL};
+                                      "/usr/local/opt/python@3.%d/Frameworks/Python.framework/Versions/3.%d/Python",
+                                      NULL};
 #else
+#define LIBRARY_NAME "libpython3.x.so.1.0"
 static const char *const on_disk[] = {"libpython3.%d.so.1.0", NULL};
 #endif
 #endif
@@ -93,16 +101,18 @@ bool python_find(Python *python, Message message) {
     if (try_all(python, load, on_disk))
         return initialize(python);
     snprintf(message, MESSAGE_SIZE,
-             "no Python: this process has none and no Python library 3.%d to 3.%d (%s) was found; install libpython3 "
-             "or set PPY_LIBPYTHON to the path of one",
-             OLDEST_MINOR, NEWEST_MINOR, on_disk[0]);
+             "no Python: this process has none and " LIBRARY_NAME " was not found for any x from %d to %d; install "
+             "libpython3 or set PPY_LIBPYTHON to the path of such a library",
+             OLDEST_MINOR, NEWEST_MINOR);
     return false;
 }
 
 /* ---- resource location ---------------------------------------------------------------------------- */
 
 static int hexadecimal(char c) {
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+    static const char digits[] = "0123456789abcdefABCDEF";
+    const char *digit = c == '\0' ? NULL : strchr(digits, c);
+    return digit == NULL ? -1 : (int)(digit - digits) - (digit - digits > 15 ? 6 : 0);
 }
 
 static bool is_drive(const char *path) {
@@ -134,7 +144,7 @@ char *resource_path(const char *location) {
         location += 11;
     else if (uri && strncmp(location, "///", 3) == 0)
         location += 2;
-    path = malloc(strlen(location) + 1);
+    path = *location == '\0' ? NULL : malloc(strlen(location) + 1);
     if (path == NULL)
         return NULL;
     strcpy(path, location);

@@ -20,18 +20,32 @@ static const char *mode_name(int mode) {
     }
 }
 
+/* Bytes of the UTF-8 character that `text` begins with; 0 if it is broken, as at the end of a truncated message. */
+static int character_length(const char *text) {
+    unsigned char first = (unsigned char)*text;
+    int length = first < 0x80 ? 1 : first < 0xc0 ? 0 : first < 0xe0 ? 2 : first < 0xf0 ? 3 : first < 0xf8 ? 4 : 0;
+    for (int i = 1; i < length; i++)
+        if (((unsigned char)text[i] & 0xc0) != 0x80)
+            return 0;
+    return length;
+}
+
 /* Loggers read the message as a printf format, some without arguments: doubling each % suits both kinds. */
 static void deliver(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text) {
-    char line[2 * MESSAGE_SIZE];
-    size_t length = 0;
+    char line[2 * MESSAGE_SIZE], *end = line;
     if (host->logger == NULL)
         return;
-    for (; *text != '\0'; text++) {
+    while (*text != '\0') {
+        int length = character_length(text);
         if (*text == '%')
-            line[length++] = '%';
-        line[length++] = (unsigned char)*text < ' ' ? ' ' : *text;
+            *end++ = '%';
+        *end = length == 0 ? '?' : (unsigned char)*text < ' ' ? ' ' : *text;
+        for (int i = 1; i < length; i++)
+            end[i] = text[i];
+        end += length == 0 ? 1 : length;
+        text += length == 0 ? 1 : length;
     }
-    line[length] = '\0';
+    *end = '\0';
     host->logger(host->componentEnvironment, name, status, categories[status], line);
 }
 
@@ -112,7 +126,8 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     else if (type != fmi2CoSimulation)
         snprintf(message, sizeof message, "fmi2Instantiate: %s is made for co-simulation only", model_name);
     else if (guid == NULL || strcmp(guid, model_guid) != 0)
-        snprintf(message, sizeof message, "fmi2Instantiate: GUID %.100s does not belong to this build of %s, which has %s",
+        snprintf(message, sizeof message,
+                 "fmi2Instantiate: GUID %.100s does not belong to this build of %s, which has %s",
                  guid == NULL ? "NULL" : guid, model_name, model_guid);
     if (*message != '\0') {
         deliver(host, name == NULL ? "" : name, fmi2Error, message);

@@ -21,12 +21,13 @@ struct Engine {
 const bool engine_interpolates = false;
 const bool engine_differentiates = false;
 
-/* Every FMU is imported under a name of its own, so that FMUs never share modules. Nothing but that name and the lock
-   is added to sys.modules, and sys.path is left alone. No bytecode is written into the unzipped FMU. */
+/* Every FMU is imported under a name of its own, so that FMUs never share modules. Only those names and one module
+   with the bookkeeping are added to sys.modules, sys.path is left alone, and no bytecode is written into the FMU. */
 static const char bootstrap[] =
     "import importlib.util, os, sys, threading, types\n"
     "\n"
     "shared = sys.modules.setdefault('_ppy_fmu', types.ModuleType('_ppy_fmu')).__dict__\n"
+    "users = shared.setdefault('users', {})\n"
     "with shared.setdefault('lock', threading.RLock()):\n"
     "    write_no_bytecode = sys.dont_write_bytecode\n"
     "    sys.dont_write_bytecode = True\n"
@@ -43,20 +44,30 @@ static const char bootstrap[] =
     "                for key in [key for key in sys.modules if key == name or key.startswith(name + '.')]:\n"
     "                    del sys.modules[key]\n"
     "                raise\n"
+    "        users[name] = users.pop(name, 0) + 1\n"
     "        memory = block.cast('d')\n"
     "        component = package.create(memory)\n"
     "    finally:\n"
     "        sys.dont_write_bytecode = write_no_bytecode\n"
     "initialize, evaluate, advance = component.initialize, component.evaluate, component.advance\n";
 
+/* Hosts unzip an FMU into a new folder for every run: of the packages without instances only the last few are kept. */
 static const char farewell[] =
     "try:\n"
     "    if 'component' in globals() and hasattr(component, 'close'):\n"
     "        component.close()\n"
     "finally:\n"
-    "    for view in ('memory', 'block'):\n"
-    "        if view in globals():\n"
-    "            globals()[view].release()\n";
+    "    if 'memory' in globals():\n"
+    "        memory.release()\n"
+    "        with shared['lock']:\n"
+    "            users[name] -= 1\n"
+    "            for idle in [other for other in users if users[other] == 0][:-4]:\n"
+    "                del users[idle]\n"
+    "                folder = sys.modules[idle].__path__[0]\n"
+    "                for key in [key for key in sys.modules if key == idle or key.startswith(idle + '.')]:\n"
+    "                    del sys.modules[key]\n"
+    "                for key in [key for key in sys.path_importer_cache if key.startswith(folder)]:\n"
+    "                    del sys.path_importer_cache[key]\n";
 
 enum { FILE_INPUT = 257, WRITABLE = 0x200 }; /* Py_file_input, PyBUF_WRITE */
 

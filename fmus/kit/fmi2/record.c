@@ -53,7 +53,8 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
         if (!engine_evaluate(engine, time[k], message))
             return false;
         if (!all_finite(memory + FIRST_INPUT, FIRST_DERIVATIVE - FIRST_INPUT)) {
-            snprintf(message, MESSAGE_SIZE, "an input, state or output is not a finite number at t = %.10g s", time[k]);
+            snprintf(message, MESSAGE_SIZE, "an input, state or output is not a finite number at t = %.10g s",
+                     time[k]);
             return false;
         }
         memcpy(outputs_at + k * MODEL_OUTPUTS, memory + FIRST_OUTPUT, MODEL_OUTPUTS * sizeof(double));
@@ -65,9 +66,10 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
     return true;
 }
 
-/* `inputs` is n x MODEL_INPUTS, `outputs_at` n x MODEL_OUTPUTS, `states_at` n x MODEL_STATES or NULL, row by row. Inputs
-   are held over each interval, or interpolated when `linear` is set. Without `initial_states` the states start at their
-   start parameters. Returns 0, or 1 with a message. */
+/* `inputs` is n x MODEL_INPUTS, `outputs_at` n x MODEL_OUTPUTS, `states_at` n x MODEL_STATES or NULL, row by row. Row k
+   of the latter two belongs to time[k] with the inputs of row k. Inputs are held over each interval, or interpolated
+   when `linear` is set. Without `initial_states` the states start at their start parameters, as discretes always do.
+   Returns 0, or 1 with a message. */
 EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, int linear, const double *parameters,
                         const double *initial_states, double tolerance, double *outputs_at, double *states_at,
                         char *message, size_t message_size) {

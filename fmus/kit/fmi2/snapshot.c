@@ -37,7 +37,8 @@ static Snapshot header(const State *state) {
 }
 
 /* Puts a copy where the host wants it, in the snapshot it already has if it has one. */
-static fmi2Status store(const Instance *instance, const char *function, fmi2FMUstate *target, const Snapshot *snapshot) {
+static fmi2Status store(const Instance *instance, const char *function, fmi2FMUstate *target,
+                        const Snapshot *snapshot) {
     if (*target == NULL)
         *target = malloc(sizeof *snapshot);
     if (*target == NULL)
@@ -69,7 +70,8 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     if (state == NULL)
         return missing(instance, "fmi2SetFMUstate");
     if (snapshot->magic != snapshot_magic || snapshot->model != hash(model_guid, strlen(model_guid)))
-        return report(instance, fmi2Error, "fmi2SetFMUstate: the state does not belong to this build of %s", model_name);
+        return report(instance, fmi2Error, "fmi2SetFMUstate: the state does not belong to this build of %s",
+                      model_name);
     instance->now = snapshot->state;
     return fmi2OK;
 }

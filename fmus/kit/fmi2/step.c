@@ -28,8 +28,8 @@ fmi2Status refresh(Instance *instance) {
 static bool step_valid(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
     if (!isfinite(time) || !isfinite(step) || step <= 0.0)
-        report(instance, fmi2Error, "fmi2DoStep: time %g s and step %g s must be finite numbers, the step positive", time,
-               step);
+        report(instance, fmi2Error, "fmi2DoStep: time %g s and step %g s must be finite numbers, the step positive",
+               time, step);
     else if (fabs(time - now->time) > 1e-9 * fmax(1.0, fabs(time)) + 1e-6 * step)
         report(instance, fmi2Error, "fmi2DoStep: the step begins at %.10g s but the instance is at %.10g s", time,
                now->time);

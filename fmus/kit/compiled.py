@@ -1,0 +1,160 @@
+"""Running a component over a whole record as compiled C, with exact sensitivities: the fast path for fitting.
+
+The same laws, tables and integrator as in the native FMU (``fmi2/record.c`` in place of the FMI front-end), compiled
+once for this machine and kept in the user's cache folder.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import archive, codegen, toolchain
+from .component import Component
+from .errors import UserError
+from .sensitivity import with_sensitivities
+from .trace import Graph, trace
+
+Array = NDArray[np.float64]
+_SOURCES = Path(__file__).parent / "fmi2"
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a simulation over a record gives.
+
+    Attributes
+    ----------
+    signals : dict of str to ndarray, shape (n,)
+        Outputs and states by name, SI.
+    sensitivities : dict of str to ndarray, shape (n, p)
+        Their derivatives with respect to the p chosen parameters.
+    """
+
+    signals: dict[str, Array]
+    sensitivities: dict[str, Array]
+
+
+class CompiledModel:
+    """A component compiled for this machine.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    sensitivities : sequence of str
+        Parameters (start values included) with respect to which derivatives are wanted.
+
+    Raises
+    ------
+    UserError
+        If a name is not a parameter, or there is no C compiler.
+    """
+
+    def __init__(self, cls: type[Component], sensitivities: Sequence[str] = ()):
+        base = trace(cls)
+        self.layout = base.layout
+        self.names = list(sensitivities)
+        self._graph = with_sensitivities(base, self.names)
+        self._tolerance = cls.tolerance
+        self._simulate = _load(self._graph)
+
+    def run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float] | None = None,
+        linear: bool = False,
+    ) -> Trajectory:
+        """Simulate.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds, increasing.
+        inputs : Mapping[str, ndarray]
+            Values of shape (n,) by input name, SI; missing ones stay at their start value.
+        parameters : Mapping[str, float], optional
+            Values that replace defaults, SI.
+        linear : bool
+            Interpolate inputs between samples instead of holding them.
+
+        Returns
+        -------
+        Trajectory
+            Values at ``time``, outputs with the inputs of the same sample.
+
+        Raises
+        ------
+        UserError
+            If a parameter is unknown or the simulation fails.
+        """
+        layout = self._graph.layout
+        values = {p.name: float(p.start) for p in layout.parameters}
+        for name, value in (parameters or {}).items():
+            if name not in values:
+                raise UserError(f"no parameter named {name!r}")
+            values[name] = float(value)
+        n = len(time)
+        fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
+        table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
+        outputs, states = np.empty((n, len(layout.outputs))), np.empty((n, len(layout.states)))
+        message = ctypes.create_string_buffer(1024)
+        failed = self._simulate(
+            n, _pointer(np.ascontiguousarray(time, dtype=float)), _pointer(table), int(linear),
+            _pointer(np.array(list(values.values()))), None, self._tolerance,
+            _pointer(outputs), _pointer(states), message, len(message),
+        )  # fmt: skip
+        if failed:
+            raise UserError(message.value.decode(errors="replace"))
+        everything = {v.name: outputs[:, i] for i, v in enumerate(layout.outputs)}
+        everything |= {v.name: states[:, i] for i, v in enumerate(layout.states)}
+        plain = [v.name for v in (*self.layout.outputs, *self.layout.states)]
+        return Trajectory(
+            {name: everything[name] for name in plain},
+            {
+                name: np.column_stack([everything[f"d({name})/d({p})"] for p in self.names])
+                if self.names
+                else np.empty((n, 0))
+                for name in plain
+            },
+        )
+
+
+def _pointer(array: Array) -> object:
+    return array.ctypes.data_as(_DOUBLES)
+
+
+def _load(graph: Graph) -> Any:
+    """Compile, or take from the cache, and bind ``ppy_simulate``."""
+    sources = {p.name: p.read_bytes() for p in _SOURCES.iterdir()}
+    sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
+    target = toolchain.host_platform()
+    digest = hashlib.sha256(toolchain.find_compiler(target).label.encode())
+    for name in sorted(sources):
+        digest.update(name.encode() + b"\0" + sources[name])
+    path = toolchain.cache_folder() / f"record-{digest.hexdigest()[:32]}{toolchain.EXTENSIONS[target]}"
+    if not path.exists():
+        with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
+            for name, contents in sources.items():
+                (Path(folder) / name).write_bytes(contents)
+            compiled = [Path(folder) / name for name in ("record.c", "native.c", "integrate.c", "model.c", "laws.c")]
+            library = toolchain.compile_library(
+                compiled, [Path(folder), toolchain.fmi_headers()], target, defines=("PPY_RECORD",), libraries=("m",)
+            )
+        archive.write(path, library)
+    function = ctypes.CDLL(str(path)).ppy_simulate
+    function.argtypes = [
+        ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, _DOUBLES, ctypes.c_double,
+        _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
+    ]  # fmt: skip
+    function.restype = ctypes.c_int
+    return function

@@ -1,0 +1,289 @@
+"""Grey-box identification: a component's parameters from a record, on the simulation error.
+
+Output-error estimation (Ljung: System Identification, section 7.4): the model runs free over the record and the sum of
+squared differences is minimised, each output weighted by its own residual. Positive parameters are searched in their
+logarithm. The Jacobian is exact (forward sensitivities). Intervals allow for coloured residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+from scipy.stats import norm
+
+from fmus.kit import Component
+from fmus.kit.compiled import CompiledModel
+from fmus.kit.errors import UserError
+
+Array = NDArray[np.float64]
+_PASSES = 3  # of weighting every output by the residual it leaves; the weights hardly move after the second
+_MOST_ORDER = 4  # of the noise model
+_FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fitted parameter, SI.
+
+    Attributes
+    ----------
+    value, nominal : float
+        Fitted value and the value the fit started from.
+    interval : tuple of float
+        95 % confidence interval; infinite where the record says nothing about the parameter.
+    unit : str
+    """
+
+    value: float
+    nominal: float
+    interval: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result of :func:`fit`.
+
+    Attributes
+    ----------
+    estimates : dict of str to Estimate
+    evaluations : int
+        Simulations made.
+    warnings : list of str
+        What cannot be told from this record, parameters at the end of their range.
+    """
+
+    estimates: dict[str, Estimate]
+    evaluations: int
+    warnings: list[str]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Fitted values by name."""
+        return {name: e.value for name, e in self.estimates.items()}
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """How a parameter is searched: q = log(value) where it is positive by nature, else value / size."""
+
+    logarithmic: bool
+    size: float
+
+    def value(self, q: float) -> float:
+        return float(np.exp(q)) if self.logarithmic else float(q * self.size)
+
+    def position(self, value: float) -> float:
+        if self.logarithmic:
+            return float(np.log(value)) if value > 0.0 else -np.inf
+        return value / self.size
+
+    def slope(self, q: float) -> float:
+        """Return d value / d q."""
+        return float(np.exp(q)) if self.logarithmic else self.size
+
+
+class _Problem:
+    """Weighted residuals and their Jacobian in the searched coordinates; one simulation serves both."""
+
+    def __init__(
+        self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
+        names: Sequence[str], fixed: Mapping[str, float],
+    ):  # fmt: skip
+        self.model = CompiledModel(cls, names)
+        self.declared = {p.name: p for p in self.model.layout.parameters}
+        self.time, self.inputs, self.names = time, inputs, list(names)
+        self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
+        self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
+        self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
+        self.weight = {o: 1.0 / (float(np.nanstd(y)) or 1.0) for o, y in self.measured.items()}
+        self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
+        self.evaluations = 0
+        self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
+
+    def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return residuals (n,) and Jacobian (n, p) of every output, where it was measured."""
+        if self._at is None or self._at[0] != q.tobytes():
+            self.evaluations += 1
+            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q))
+            slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
+            error = {o: (trajectory.signals[o] - y)[self.present[o]] for o, y in self.measured.items()}
+            jacobian = {o: trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
+            self._at = (q.tobytes(), error, jacobian)
+        return self._at[1:]
+
+    def values(self, q: Array) -> dict[str, float]:
+        return {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
+
+    def error(self, q: Array) -> Array:
+        return np.concatenate([self.weight[o] * e for o, e in self.evaluate(q)[0].items()])
+
+    def jacobian(self, q: Array) -> Array:
+        return np.vstack([self.weight[o] * j for o, j in self.evaluate(q)[1].items()])
+
+    def reweight(self, q: Array) -> None:
+        """Weight every output by the residual it leaves, as maximum likelihood would."""
+        self.weight = {o: 1.0 / (float(np.sqrt(np.mean(e**2))) or 1.0) for o, e in self.evaluate(q)[0].items()}
+
+    def bounds(self) -> tuple[Array, Array]:
+        ranges = [(self.declared[n].min, self.declared[n].max) for n in self.names]
+        ends = [(s.position(low), s.position(high)) for s, (low, high) in zip(self.scales, ranges, strict=True)]
+        low, high = np.array(ends).T
+        return low, high
+
+
+def fit(
+    cls: type[Component],
+    time: Array,
+    inputs: Mapping[str, Array],
+    measured: Mapping[str, Array],
+    names: Sequence[str],
+    fixed: Mapping[str, float] | None = None,
+    progress: Callable[[int, float], None] = lambda evaluations, cost: None,
+) -> Fit:
+    """Fit parameters so that the free-running simulation follows the record.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    time : ndarray, shape (n,)
+        Seconds.
+    inputs, measured : Mapping[str, ndarray]
+        Inputs and measured outputs of shape (n,), SI; NaN in an output is a gap.
+    names : sequence of str
+        Parameters to fit, start values of states included.
+    fixed : Mapping[str, float], optional
+        Values of others, and starting points of those to fit.
+    progress : callable
+        Told the number of simulations made and the present cost.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    UserError
+        If a name is unknown or given twice, a starting point is out of range, or there is nothing to fit to.
+    """
+    if len(set(names)) < len(names):
+        raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
+    problem = _Problem(cls, time, inputs, measured, names, fixed or {})
+    samples = sum(int(p.sum()) for p in problem.present.values())
+    if len(names) >= samples:
+        raise UserError(f"{len(names)} parameters cannot be fitted to {samples} measured values")
+    low, high = problem.bounds()
+    q = np.array([s.position(problem.start[n]) for n, s in zip(names, problem.scales, strict=True)])
+    for name, x, least, most in zip(names, q, low, high, strict=True):
+        if not least < x < most:
+            declared = problem.declared[name]
+            allowed = f"between {declared.min:g} and {declared.max:g} {declared.unit}"
+            raise UserError(
+                f"the fit of {name} cannot start at {problem.start[name]:g}: allowed is {allowed}, ends excluded"
+            )
+    for _ in range(_PASSES if len(problem.measured) > 1 else 1):
+        solution = least_squares(
+            problem.error, q, problem.jacobian, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200
+        )
+        q = solution.x
+        progress(problem.evaluations, float(solution.cost))
+        problem.reweight(q)
+    warnings = [] if solution.success else ["the search stopped before it converged; the values are the best found"]
+    ends, told = _intervals(problem, q)
+    warnings += told
+    warnings += [f"{n} ended at the limit of its range" for n, m in zip(names, solution.active_mask, strict=True) if m]
+    values = problem.values(q)
+    return Fit(
+        {n: Estimate(values[n], problem.start[n], ends[n], problem.declared[n].unit) for n in names},
+        problem.evaluations,
+        warnings,
+    )
+
+
+def _scale(declaration: Any, value: float) -> _Scale:
+    positive = declaration.min >= 0.0 and value > 0.0
+    return _Scale(positive, abs(value) or declaration.nominal)
+
+
+def _intervals(problem: _Problem, q: Array) -> tuple[dict[str, tuple[float, float]], list[str]]:
+    """95 % intervals, and a sentence for parameters that the record does not determine."""
+    error, jacobian = problem.evaluate(q)
+    spread, blind = _standard_errors(error, jacobian, problem.weight)
+    half = float(norm.ppf(0.975)) * spread
+    ends: dict[str, tuple[float, float]] = {}
+    for i, (name, scale) in enumerate(zip(problem.names, problem.scales, strict=True)):
+        open_end = 0.0 if scale.logarithmic else -np.inf
+        ends[name] = (open_end, np.inf) if i in blind else (scale.value(q[i] - half[i]), scale.value(q[i] + half[i]))
+    if not blind:
+        return ends, []
+    names = ", ".join(problem.names[i] for i in blind)
+    return ends, [f"this record does not determine {names}" + (" separately" if len(blind) > 1 else "")]
+
+
+def _standard_errors(
+    error: Mapping[str, Array], jacobian: Mapping[str, Array], weight: Mapping[str, float]
+) -> tuple[Array, list[int]]:
+    """Sandwich covariance: curvature, and between its halves the colour of the residuals.
+
+    Each output's residual is taken as an autoregression e = H w; the scores J'e then have covariance J' H H' J var(w),
+    and H' J is J filtered backwards in time (Ljung, section 9.4). Also returns which parameters are undetermined.
+    """
+    bread = np.sum([weight[o] ** 2 * j.T @ j for o, j in jacobian.items()], axis=0)
+    scale = np.sqrt(np.diag(bread))
+    seen = np.flatnonzero(scale > 0.0)
+    spread = np.full(len(scale), np.inf)
+    blind = set(np.flatnonzero(scale == 0.0).tolist())
+    if len(seen) == 0:
+        return spread, sorted(blind)
+    normalised = bread[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
+    eigenvalues, vectors = np.linalg.eigh(normalised)
+    # a direction in which the cost is flat to rounding: every parameter that takes part in it is undetermined
+    flat = np.abs(vectors[:, eigenvalues < _FLAT * eigenvalues[-1]]).max(axis=1, initial=0.0)
+    blind |= set(seen[flat > 1e-2].tolist())
+    inverse = np.linalg.pinv(normalised, rcond=_FLAT, hermitian=True) / np.outer(scale[seen], scale[seen])
+    meat = np.zeros_like(inverse)
+    for o, j in jacobian.items():
+        coefficients, variance = autoregression(error[o])
+        filtered = lfilter([1.0], np.concatenate([[1.0], -coefficients]), j[::-1][:, seen], axis=0)
+        meat += weight[o] ** 4 * variance * filtered.T @ filtered
+    spread[seen] = np.sqrt(np.diag(inverse @ meat @ inverse))
+    return spread, sorted(blind)
+
+
+def autoregression(values: Array, most: int = _MOST_ORDER) -> tuple[Array, float]:
+    """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        A series; its mean is taken as zero.
+    most : int
+        Highest order considered.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (p,)
+        ``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]``.
+    variance : float
+        Of the innovations w.
+    """
+    n = len(values)
+    most = min(most, max(n // 10, 0))
+    covariance = np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n
+    best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
+    if covariance[0] <= 0.0:
+        return best
+    criterion = n * np.log(covariance[0])
+    for order in range(1, most + 1):
+        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
+        coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
+        variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
+        if variance > 0.0 and (found := n * np.log(variance) + order * np.log(n)) < criterion:
+            criterion, best = found, (coefficients, variance)
+    return best

@@ -1,0 +1,98 @@
+"""Running a model over a stimulus and keeping the result: the work behind ``ppy simulate``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import units
+from fmus.kit.errors import UserError
+from orchestration.fmu import Fmu
+from orchestration.models import Model
+from orchestration.records import Record
+
+Array = NDArray[np.float64]
+
+
+def grid(start: float, stop: float, step: float) -> Array:
+    """Communication points from ``start`` to ``stop`` inclusive, ``step`` apart; a shorter last step if need be.
+
+    Raises
+    ------
+    UserError
+        If the numbers make no grid.
+    """
+    if not (np.isfinite([start, stop, step]).all() and step > 0.0 and stop > start):
+        raise UserError(
+            f"cannot step from {start:g} s to {stop:g} s by {step:g} s: --stop must come later and --step be positive"
+        )
+    if (stop - start) / step > 1e8:
+        raise UserError(
+            f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at most 1e8 are made"
+        )
+    points = start + step * np.arange(int((stop - start) / step * (1 + 1e-12)) + 1)
+    return points if stop - points[-1] < 1e-9 * step else np.append(points, stop)
+
+
+def held(record: Record, name: str, time: Array) -> Array:
+    """Values of a recorded signal at other times, each sample held until the next."""
+    index = np.searchsorted(record.time, time + 1e-9 * np.median(np.diff(record.time)), side="right") - 1
+    return record.signals[name][np.clip(index, 0, None)]
+
+
+def simulate(
+    model: Model,
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, float],
+    progress: Callable[[int], None] = lambda done: None,
+) -> dict[str, Array]:
+    """Run the model's FMU.
+
+    Parameters
+    ----------
+    model : Model
+    time : ndarray, shape (n,)
+        Communication points in seconds.
+    inputs : Mapping[str, ndarray]
+        Values (n,) by input, in the FMU's units; missing inputs stay at their start value.
+    parameters : Mapping[str, float]
+        Values that replace defaults, in the FMU's units; constant values of inputs too.
+    progress : callable
+        Told the number of points done.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Every output, in the FMU's units.
+
+    Raises
+    ------
+    UserError
+        If the FMU refuses or fails; see :class:`orchestration.fmu.Fmu`.
+    """
+    with Fmu(model.path, parameters) as fmu:
+        fmu.start(float(time[0]))
+        return fmu.run(time, inputs, list(model.outputs), progress)
+
+
+def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array]) -> None:
+    """Draw inputs and outputs over time, one panel each, in display units.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    from orchestration import pictures
+
+    known = {**model.inputs, **model.outputs}
+    figure, panels = pictures.panels(len(signals), model.name)
+    for panel, (name, values) in zip(panels, signals.items(), strict=True):
+        signal = known[name]
+        panel.plot(time, units.convert(values, signal.unit, signal.display), color=pictures.MODEL, drawstyle="default")
+        pictures.label(panel, name, signal.display)
+    pictures.save(figure, path)

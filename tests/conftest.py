@@ -1,0 +1,55 @@
+"""What the tests share: FMUs built once, and the folder of public records."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from fmus import COMPONENTS, component
+from fmus.kit.build import RUNTIMES, build
+from fmus.kit.toolchain import host_platform
+
+PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+
+@pytest.fixture(scope="session")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
+    """Path of a component's FMU for this platform, built once a session: ``fmu(name, runtime)``."""
+    folder = tmp_path_factory.mktemp("fmus")
+
+    def path(name: str, runtime: str) -> Path:
+        file = folder / runtime / f"{name}.fmu"
+        if not file.exists():
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(build(component(name), runtime, [host_platform()]))
+        return file
+
+    return path
+
+
+@pytest.fixture(params=RUNTIMES)
+def runtime(request: pytest.FixtureRequest) -> str:
+    """Each of the two builds in turn."""
+    return request.param
+
+
+@pytest.fixture(params=list(COMPONENTS))
+def name(request: pytest.FixtureRequest) -> str:
+    """Each component in turn."""
+    return request.param
+
+
+@pytest.fixture(scope="session")
+def public_data() -> Callable[[str], Path]:
+    """Path of a public record; skips where it is absent."""
+
+    def path(name: str) -> Path:
+        file = PUBLIC_DATA / name
+        if not file.exists():
+            pytest.skip(f"public record {name} is not in {PUBLIC_DATA} (set PPY_PUBLIC_DATA)")
+        return file
+
+    return path

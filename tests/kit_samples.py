@@ -1,0 +1,134 @@
+"""Small components for the tests of the kit: every kind of variable, none of it about actuators."""
+
+from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, Preset, State, cos, exp, maximum, sign, where
+
+
+class Thermostat(Component):
+    """A heated room under a sampled two-point controller."""
+
+    name = "thermostat"
+    experiment = (60.0, 0.5)
+
+    loss = Parameter(0.5, "W/K", min=0, doc="heat loss to the outside", source="made up")
+    capacity = Parameter(20.0, "J/K", min=1e-3, max=1e6, doc="heat capacity of the room")
+    setpoint = Parameter(295.0, "K", min=0, display="degC", doc="wanted temperature")
+    heater = Parameter(30.0, "W", min=0, doc="power of the heater")
+    enabled = Parameter(True, "1", type="boolean", doc="whether the heater may run")
+    stages = Parameter(2, "1", type="integer", min=1, max=5, doc="number of heaters")
+    sampling = Parameter(0.4, "s", min=1e-3, doc="sample period of the controller")
+
+    outside = Input("K", start=280.0, min=0, display="degC", doc="outside temperature")
+    boost = Input("1", start=False, type="boolean", doc="another heater")
+
+    temperature = State("K", rate="warming", start=290.0, output=True, display="degC", nominal=300.0, doc="of the room")
+    energy = State("J", rate="power", display="kJ", doc="used so far")
+
+    on = Discrete("1", update="switch", period="sampling", output=True, type="boolean", doc="heater on")
+    changes = Discrete("1", update="count", period="sampling", type="integer", min=0, doc="switchings so far")
+    reading = Discrete("K", update="read", period=0.3, start=290.0, output=True, display="degC", doc="of the display")
+
+    presets = {"hall": Preset({"capacity": 200.0, "enabled": True, "stages": 3, "setpoint": 288.15}, doc="a big room")}
+
+    def warming(self):
+        return (self.power() - self.loss * (self.temperature - self.outside)) / self.capacity
+
+    def switch(self):
+        cold, warm = self.temperature < self.setpoint - 0.5, self.temperature > self.setpoint + 0.5
+        return where(cold, 1.0, where(warm, 0.0, 1.0 * self.on)) * self.enabled
+
+    def count(self):
+        return self.changes + where(self.switch() != self.on, 1.0, 0.0)
+
+    def read(self):
+        return self.temperature
+
+    @Output("W", nominal=10.0)
+    def power(self):
+        """Electric power. The second sentence is no part of the description."""
+        return self.heater * (self.stages * self.on + self.boost)
+
+    @Output("1", type="boolean")
+    def warm(self):
+        """Whether the room is warm"""
+        return where(self.temperature > self.setpoint, 1.0, 0.0)
+
+
+class Divider(Component):
+    """Two resistors: no state, no sampling."""
+
+    name = "divider"
+
+    upper = Parameter(1.0, "ohm", min=1e-9)
+    lower = Parameter(3.0, "ohm", min=1e-9)
+    supply = Input("V", start=8.0)
+
+    @Output("V")
+    def tap(self):
+        """Voltage across the lower resistor."""
+        return self.supply * self.lower / (self.upper + self.lower)
+
+
+class Curved(Component):
+    """Nonlinear in everything, dependent on time, with structural zeros worth finding."""
+
+    name = "curved"
+
+    a = Parameter(0.7, "1")
+    b = Parameter(1.3, "1")
+    u = Input("1", start=0.2)
+    v = Input("1", start=-0.4)
+    x = State("1", rate="x_rate", start=0.3, output=True)
+    y = State("1", rate="y_rate", start=-0.2)
+    z = State("1", rate="z_rate", start=0.1)
+    last = Discrete("1", update="keep", period=0.25, start=0.5)
+
+    def x_rate(self):
+        return -self.a * self.x + exp(-self.y * self.y) * self.u
+
+    def y_rate(self):
+        return cos(self.z) - self.y * self.b + 0.1 * cos(self.time)
+
+    def z_rate(self):
+        return where(self.x > 0.0, self.last, -self.z)
+
+    def keep(self):
+        return self.x * self.v + 0.5 * self.last
+
+    @Output("1")
+    def mixed(self):
+        """Of a state and a direct input."""
+        return maximum(self.y, self.v) * self.b
+
+    @Output("1")
+    def stepped(self):
+        """Of a sign only."""
+        return sign(self.z)
+
+    @Output("1")
+    def sampled(self):
+        """Of nothing that is continuous."""
+        return 2.0 * self.last
+
+
+class Warmer(Effect):
+    """Adds a constant to the power."""
+
+    id = "warmer"
+    extra = Parameter(0.0, "W", doc="added power")
+
+    def power(self):
+        return super().power() + self.extra
+
+
+class Doubled(Effect):
+    """Scales the power, and counts something of its own."""
+
+    id = "doubled"
+    factor = Parameter(1.0, "1", doc="factor")
+    age = State("s", rate="ageing", start=2.0, doc="age")
+
+    def power(self):
+        return super().power() * self.factor
+
+    def ageing(self):
+        return 1.0

@@ -1,0 +1,100 @@
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmus.kit import clip, cos, exp, floor, log, maximum, minimum, sign, sin, sqrt, tanh, where
+
+UNARY = {
+    "exp": exp, "log": log, "sqrt": sqrt, "sin": sin, "cos": cos, "tanh": tanh, "floor": floor, "sign": sign,
+}  # fmt: skip
+EDGES = [0.0, -0.0, 1.0, -1.0, 0.5, 710.0, -746.0, 1e308, -1e308, 5e-324, math.inf, -math.inf, math.nan]
+reals = st.one_of(st.sampled_from(EDGES), st.floats(-1e3, 1e3))
+
+
+def alike(a, b):
+    return (math.isnan(a) and math.isnan(b)) or a == pytest.approx(b, rel=1e-14, abs=0)
+
+
+def symbolic(function, *values):
+    symbols = [ca.SX.sym(f"x{i}") for i in range(len(values))]
+    return float(ca.Function("f", symbols, [function(*symbols)])(*values))
+
+
+def on_array(function, *values):
+    with np.errstate(all="ignore"):
+        result = function(*(np.array([value, 1.0, value]) for value in values))
+    assert isinstance(result, np.ndarray)
+    assert alike(result[0], result[2])
+    return float(result[0])
+
+
+@pytest.mark.parametrize("name", UNARY)
+@given(x=reals)
+def test_floats_arrays_and_symbols_agree(name, x):
+    function = UNARY[name]
+    value = function(x)
+    assert isinstance(value, float)
+    # the trigonometry of huge arguments is where libraries differ
+    if name not in ("sin", "cos") or not abs(x) > 1e3 or math.isinf(x):
+        assert alike(value, on_array(function, x))
+        assert alike(value, symbolic(function, x))
+
+
+@pytest.mark.parametrize(
+    ("function", "x", "expected"),
+    [
+        (exp, 1000.0, math.inf), (exp, -1000.0, 0.0), (log, 0.0, -math.inf), (log, -0.0, -math.inf),
+        (log, -1.0, math.nan), (sqrt, -1.0, math.nan), (sin, math.inf, math.nan), (cos, -math.inf, math.nan),
+        (tanh, math.inf, 1.0), (floor, -math.inf, -math.inf), (floor, math.inf, math.inf), (floor, math.nan, math.nan),
+        (floor, -0.5, -1.0), (sign, math.nan, math.nan), (sign, -0.0, 0.0), (sign, -3.0, -1.0),
+        (exp, math.nan, math.nan), (sqrt, 2.25, 1.5), (exp, True, math.e), (floor, 3, 3.0),
+    ],
+)  # fmt: skip
+def test_special_values_are_those_of_c(function, x, expected):
+    assert alike(function(x), expected)
+
+
+@given(a=reals, b=reals)
+def test_extrema_agree_and_pass_over_nan(a, b):
+    for function, reference in ((minimum, np.fmin), (maximum, np.fmax)):
+        expected = float(reference(a, b))
+        assert alike(function(a, b), expected)
+        assert alike(on_array(function, a, b), expected)
+        assert alike(symbolic(function, a, b), expected)
+        # a number on either side of an array or a symbol
+        assert alike(float(function(a, np.array([b]))[0]), expected)
+        assert alike(float(function(np.array([a]), b)[0]), expected)
+        assert alike(symbolic(lambda x, a=a, function=function: function(a, x), b), expected)
+
+
+@given(x=reals, low=st.floats(-10, 0), high=st.floats(0, 10))
+def test_clip_stays_inside(x, low, high):
+    value = clip(x, low, high)
+    assert low <= value <= high
+    if low <= x <= high:
+        assert value == x
+    assert alike(on_array(lambda v: clip(v, low, high), x), value)
+    assert alike(symbolic(lambda v: clip(v, low, high), x), value)
+
+
+@given(x=reals, yes=st.floats(-10, 10), no=st.floats(-10, 10))
+def test_where_agrees(x, yes, no):
+    expected = yes if x > 0.5 else no
+    assert where(x > 0.5, yes, no) == expected
+    assert on_array(lambda v: where(v > 0.5, yes, no), x) == expected
+    assert symbolic(lambda v: where(v > 0.5, yes, no), x) == expected
+
+
+def test_where_with_a_number_for_condition_takes_anything():
+    array = np.array([1.0, 2.0])
+    assert where(True, array, 0.0) is array
+    assert where(0.0, array, 3.0) == 3.0
+
+
+def test_numpy_scalars_are_floats():
+    assert log(np.float64(0.0)) == -math.inf
+    assert maximum(np.float64(2.0), 1.0) == 2.0
