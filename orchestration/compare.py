@@ -86,9 +86,8 @@ def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None)
     signals = {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
     record = read_record(path, signals, mapping=mapping, inputs=list(model.inputs))
     if not any(name in model.outputs for name in record.signals):
-        raise UserError(
-            f"{path}: no column is an output of {model.name}; outputs are {', '.join(model.outputs)}; rename with --map column=signal"
-        )
+        known = ", ".join(model.outputs)
+        raise UserError(f"{path}: no column is an output of {model.name} ({known}); rename with --map column=signal")
     return record
 
 

@@ -163,9 +163,9 @@ def _signal(variable: Any) -> Signal:
         return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
 
     def number(text: str | None, default: float) -> float:
-        if text in (None, ""):
+        if not text:
             return default
-        return float(text == "true") if text in ("true", "false") else float(text)  # type: ignore[arg-type]
+        return float(text == "true") if text in ("true", "false") else float(text)
 
     unit = attribute("unit") or "1"
     low, high = number(attribute("min"), -math.inf), number(attribute("max"), math.inf)

@@ -33,8 +33,8 @@ def grid(start: float, stop: float, step: float) -> Array:
         raise UserError(
             f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at most 1e8 are made"
         )
-    points = start + step * np.arange(int((stop - start) / step * (1 + 1e-12)) + 1)
-    return points if stop - points[-1] < 1e-9 * step else np.append(points, stop)
+    points: Array = start + step * np.arange(int((stop - start) / step * (1 + 1e-12)) + 1, dtype=np.float64)
+    return points if stop - points[-1] < 1e-9 * step else np.concatenate([points, [stop]])
 
 
 def held(record: Record, name: str, time: Array) -> Array:

@@ -11,7 +11,7 @@ from . import units
 from .component import Component
 from .declare import Declaration, ParameterDeclaration
 
-_STYLE = """
+STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #1c2733 }
 h1, h2, h3 { line-height: 1.2; color: #0b3d5c } code, pre { font: 0.92em ui-monospace, monospace; background: #f2f5f8 }
 pre { padding: 0.8rem; overflow-x: auto } code { padding: 0.1em 0.25em } pre code { padding: 0 }
@@ -53,7 +53,7 @@ def page(cls: type[Component], readme: Path, remark: str = "") -> str:
     note = f"<p>{html.escape(remark)}</p>" if remark else ""
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{cls.name}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
         f"<body>{body}{note}<h2>Variables of <code>{cls.name}</code></h2>{tables}</body></html>\n"
     )
 

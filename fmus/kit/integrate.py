@@ -1,8 +1,7 @@
 """Internal integration of a component in Python: adaptive Runge-Kutta 4(3) and exact sample instants.
 
 The method, its error estimate and the step control are those of ``fmi2/integrate.c``; see ``docs/decisions`` for why
-this one. For speed the size of a state is taken before the step only, so the two may choose different internal steps
-within the same tolerance. It works on floats and on NumPy arrays (a batch shares one internal step).
+this one. Operations and their order are the same, so both round alike. It works on floats and on NumPy arrays (a batch shares one internal step).
 """
 
 from __future__ import annotations
@@ -64,10 +63,6 @@ def _unrolled(names: list[str], batch: bool) -> str:
     lines += ["    try:", *("    " + line for line in body)]
     lines += ["    except ArithmeticError: " + each("m.{s} = x{i}") + "; return inf"]
     return "\n".join(lines)
-
-
-def _all(condition: Any) -> bool:
-    return condition if isinstance(condition, bool) else bool(condition.all())
 
 
 class Integrator:
@@ -144,7 +139,10 @@ class Integrator:
                     instant = self.start_time + self.counters[index] * period
                 if instant < end - _SAME_INSTANT * period:
                     target = min(target, instant)
-            self._budget -= self._integrate(time, target)
+            target = max(target, time)
+            self._budget -= 1 + (self._integrate(time, target) if target > time else 0)
+            if self._budget <= 0 and target < end:
+                raise self._exhausted(target)
             time = target
 
     def _period(self, period: str | float) -> float:
@@ -185,16 +183,22 @@ class Integrator:
                 raise UserError(f"{reason} at {time:.10g} s")
             else:
                 self.hint = following
-        raise UserError(f"more than {MOST_STEPS} internal steps in one communication step at {time:.10g} s")
+        raise self._exhausted(time)
+
+    def _exhausted(self, time: float) -> UserError:
+        return UserError(f"more than {MOST_STEPS} internal steps in one communication step at {time:.10g} s")
 
     def _culprit(self) -> str:
-        """Name the first state whose rate cannot be computed where the integration stopped."""
-        for name, rate in zip(self.names, self.rates, strict=True):
+        """Name the state that stops the integration: one whose rate is not finite, else the fastest."""
+        culprit, fastest = self.names[0], -1.0
+        for name, nominal, rate in zip(self.names, self.nominal, self.rates, strict=True):
             try:
-                value = rate()
+                speed = abs(rate()) / (nominal + abs(getattr(self.component, name)))
             except ArithmeticError as error:
                 return f"not finite: {name} ({error})"
-            # the difference is zero for every finite value, of a float or of each element of an array
-            if not _all(value - value == 0.0):
+            speed = float(speed.max()) if hasattr(speed, "max") else speed
+            if not speed < math.inf:
                 return f"not finite: {name}"
-        return f"not finite: {self.names[0]}"
+            if speed > fastest:
+                culprit, fastest = name, speed
+        return f"not finite: {culprit}"

@@ -54,7 +54,8 @@ class Slave:
         self.memory = memory
         self.component = cls()
         self.integrator = Integrator(self.component)
-        self._laws = self.component.laws([o.name for o in layout.outputs]) + self.integrator.rates
+        self._first_derivative = first_output + len(layout.outputs)
+        self._outputs = self.component.laws([o.name for o in layout.outputs])
 
     def initialize(self) -> str | None:
         """Run once at the end of initialization; a message means that the parameters cannot work."""
@@ -62,17 +63,24 @@ class Slave:
         return self.evaluate(0.0)
 
     def evaluate(self, time: float) -> str | None:
-        """Compute outputs and derivatives from the memory.
+        """Compute the outputs from the memory.
 
         Whatever a law does, the host gets a sentence and not an exception.
         """
+        return self._compute(time, self._outputs, self._first_output)
+
+    def differentiate(self, time: float) -> str | None:
+        """Compute the derivatives of the states from the memory."""
+        return self._compute(time, self.integrator.rates, self._first_derivative)
+
+    def _compute(self, time: float, laws: list[Callable[[], Any]], first: int) -> str | None:
         try:
             memory, component = self.memory, self.component
             if memory[self._internals + _PARAMETERS_CHANGED]:
                 self._take_parameters()
             self._load(component, memory)
             component.time = time
-            for index, law in enumerate(self._laws, self._first_output):
+            for index, law in enumerate(laws, first):
                 memory[index] = law()
         except BaseException as error:
             return _sentence(error)

@@ -34,9 +34,12 @@ static bool readable(Instance *instance, const char *function, Type type, const 
                      const void *values) {
     if (!allowed(instance, READABLE, function) || !valid(instance, function, type, vr, n, values))
         return false;
-    for (size_t i = 0; i < n; i++)
-        if (model_variables[vr[i]].role >= ROLE_OUTPUT)
-            return refresh(instance) == fmi2OK;
+    for (size_t i = 0; i < n; i++) {
+        Role role = model_variables[vr[i]].role;
+        if ((role == ROLE_OUTPUT && refresh_outputs(instance) != fmi2OK) ||
+            (role == ROLE_DERIVATIVE && refresh_derivatives(instance) != fmi2OK))
+            return false;
+    }
     return true;
 }
 

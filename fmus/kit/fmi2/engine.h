@@ -109,8 +109,9 @@ void engine_free(Engine *engine);
 /* Called at the end of initialization: parameters are in range, states and discretes at their start values. */
 bool engine_initialize(Engine *engine, Message message);
 
-/* Outputs and derivatives at `time` from all the rest. */
+/* Outputs, or derivatives, at `time` from all the rest. */
 bool engine_evaluate(Engine *engine, double time, Message message);
+bool engine_differentiate(Engine *engine, double time, Message message);
 
 /* States and discretes from `time` to `time + step`; outputs and derivatives need not be up to date after it. */
 bool engine_advance(Engine *engine, double time, double step, Message message);

@@ -23,7 +23,8 @@ enum {
    Only doubles, so that it has no padding and equal states are equal bytes. */
 typedef struct {
     double mode;
-    double outdated; /* 1.0 when outputs and derivatives must be evaluated before they are read */
+    double outputs_outdated;     /* 1.0 when they must be evaluated before they are read */
+    double derivatives_outdated; /* the same; few hosts ever read them */
     double time;
     double stop_time; /* +infinity when the host defined none */
     double memory[MEMORY_SIZE];
@@ -44,11 +45,12 @@ fmi2Status report(const Instance *instance, fmi2Status status, const char *forma
 /* Whether `function` may be called now; reports it if not. False for a NULL instance. */
 bool allowed(const Instance *instance, int modes, const char *function);
 
-/* Declares the outputs outdated, and lets states follow their start parameters before the simulation starts. */
+/* Declares outputs and derivatives outdated, and lets states follow their start parameters before the simulation starts. */
 void touch(Instance *instance, bool parameters);
 
-/* Brings outputs and derivatives up to date and checks that they are finite. */
-fmi2Status refresh(Instance *instance);
+/* Brings outputs or derivatives up to date and checks that they are finite. */
+fmi2Status refresh_outputs(Instance *instance);
+fmi2Status refresh_derivatives(Instance *instance);
 
 /* Puts the instance back to `before` and, for good, into the mode FAILED. */
 fmi2Status fail(Instance *instance);

@@ -1,7 +1,8 @@
 /* Integration of the states: classic Runge-Kutta of order 4 with an embedded estimate of order 3.
  *
  * The fifth rate, at the end of the step, serves the estimate and is the first rate of the next step. The step size
- * found for one communication step is remembered in the memory of the instance and tried in the next.
+ * found for one communication step is remembered in the memory of the instance and tried in the next. The operations
+ * and their order are those of ../integrate.py, so that both builds round alike.
  */
 #include "native.h"
 
@@ -37,17 +38,13 @@ static double try_step(Engine *engine, double time, double h) {
         engine->trial[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
     rates_at(engine, time + h, engine->trial, k5);
     for (int i = 0; i < MODEL_STATES; i++) {
-        double size = model_variables[FIRST_STATE + i].nominal + fmax(fabs(x[i]), fabs(engine->trial[i]));
-        double error = fabs(h / 10.0 * (k4[i] - k5[i])) / (tolerance * size);
+        double size = model_variables[FIRST_STATE + i].nominal + fabs(x[i]);
+        double error = fabs(h / 10.0 / tolerance * (k4[i] - k5[i])) / size;
         if (!isfinite(error) || !isfinite(engine->trial[i]))
             return INFINITY;
         worst = fmax(worst, error);
     }
     return worst;
-}
-
-static double step_factor(double error) {
-    return error == 0.0 ? 5.0 : isfinite(error) ? fmin(fmax(0.9 * pow(error, -0.25), 0.2), 5.0) : 0.1;
 }
 
 static bool give_up(const Engine *engine, double time, double error, Message message) {
@@ -56,39 +53,49 @@ static bool give_up(const Engine *engine, double time, double error, Message mes
         if (!isfinite(engine->k[0][i]) || !isfinite(engine->trial[i]))
             worst = i;
     if (isfinite(error))
-        snprintf(message, MESSAGE_SIZE, "the integration cannot meet its tolerance at t = %.10g s", time);
-    else
-        snprintf(message, MESSAGE_SIZE, "not finite: %s at t = %.10g s", model_variables[FIRST_STATE + worst].name,
+        snprintf(message, MESSAGE_SIZE, "accuracy %g cannot be reached at %.10g s", engine->memory[MEMORY_TOLERANCE],
                  time);
+    else
+        snprintf(message, MESSAGE_SIZE, "not finite: %s at %.10g s", model_variables[FIRST_STATE + worst].name, time);
     return false;
+}
+
+/* Counts an internal step, so that no communication step takes for ever. */
+static bool spend(Engine *engine, double time, Message message) {
+    if (engine->budget-- > 0)
+        return true;
+    snprintf(message, MESSAGE_SIZE, "more than 1000000 internal steps in one communication step at %.10g s", time);
+    return false;
+}
+
+/* The step to try after one of size `h`, which had this error. */
+static double following(double h, double error) {
+    return h * (error == 0.0 ? 5.0 : isfinite(error) ? fmin(fmax(0.9 * pow(error, -0.25), 0.2), 5.0) : 0.1);
 }
 
 bool integrate(Engine *engine, double time, double target, Message message) {
     double *hint = engine->memory + MEMORY_HINT;
     if (MODEL_STATES == 0 || time >= target)
-        return true;
+        return spend(engine, time, message);
     rates_at(engine, time, engine->memory + FIRST_STATE, engine->k[0]);
     while (time < target) {
         double left = target - time;
-        bool shortened = *hint > left;
-        double h = fmin(*hint, left), error;
-        if (h > 0.999 * left)
-            h = left;
-        if (engine->budget-- <= 0) {
-            snprintf(message, MESSAGE_SIZE, "more than 1000000 internal steps, stopped at t = %.10g s", time);
+        double h = *hint <= 0.999 * left ? *hint : left, error, next;
+        if (!spend(engine, time, message))
             return false;
-        }
         error = try_step(engine, time, h);
+        next = following(h, error);
         if (error <= 1.0) {
             time = h == left ? target : time + h;
             memcpy(engine->memory + FIRST_STATE, engine->trial, MODEL_STATES * sizeof(double));
             memcpy(engine->k[0], engine->k[4], MODEL_STATES * sizeof(double));
-            if (!shortened)
-                *hint = h * step_factor(error);
+            /* A step shortened to land on the target says nothing against a longer one. */
+            if (isfinite(*hint))
+                *hint = h == left ? fmax(*hint, next) : next;
+        } else if (h < 1e-14 * fmax(1.0, fabs(time))) {
+            return give_up(engine, time, error, message);
         } else {
-            if (h < 1e-14 * fmax(1.0, fabs(time)))
-                return give_up(engine, time, error, message);
-            *hint = h * step_factor(error);
+            *hint = next;
         }
     }
     return true;

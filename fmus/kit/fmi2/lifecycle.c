@@ -72,7 +72,7 @@ bool allowed(const Instance *instance, int modes, const char *function) {
 
 void touch(Instance *instance, bool parameters) {
     double *memory = instance->now.memory;
-    instance->now.outdated = 1.0;
+    instance->now.outputs_outdated = instance->now.derivatives_outdated = 1.0;
     if (!parameters)
         return;
     memory[MEMORY_PARAMETERS_CHANGED] = 1.0;
@@ -227,7 +227,7 @@ EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
         return fail(instance);
     }
     touch(instance, false);
-    if (refresh(instance) != fmi2OK)
+    if (refresh_outputs(instance) != fmi2OK || refresh_derivatives(instance) != fmi2OK)
         return fail(instance);
     instance->now.mode = STEP_COMPLETE;
     return fmi2OK;

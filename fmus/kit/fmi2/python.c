@@ -1,8 +1,8 @@
 /* The Python engine: the component's own Python class computes, on the memory of the instance.
  *
  * The package in resources/python offers create(memory), `memory` being a writable memoryview of doubles laid out as
- * in engine.h. The object it returns has initialize(), evaluate(time) and advance(time, step), each of which returns
- * None or the text of an error, and may have close(). Whatever they raise becomes an error of the FMU.
+ * in engine.h. The object it returns has initialize(), evaluate(time) for the outputs, differentiate(time) for the
+ * derivatives of the states and advance(time, step), each of which returns None or the text of an error, and may have close(). Whatever they raise becomes an error of the FMU.
  */
 #include "python.h"
 
@@ -15,7 +15,7 @@ struct Engine {
     Python python;
     PyObject *none;
     PyObject *names; /* the dictionary the bootstrap runs in; it keeps everything below alive */
-    PyObject *initialize, *evaluate, *advance;
+    PyObject *initialize, *evaluate, *differentiate, *advance;
 };
 
 const bool engine_interpolates = false;
@@ -49,7 +49,8 @@ static const char bootstrap[] =
     "        component = package.create(memory)\n"
     "    finally:\n"
     "        sys.dont_write_bytecode = write_no_bytecode\n"
-    "initialize, evaluate, advance = component.initialize, component.evaluate, component.advance\n";
+    "initialize, evaluate = component.initialize, component.evaluate\n"
+    "differentiate, advance = component.differentiate, component.advance\n";
 
 /* Hosts unzip an FMU into a new folder for every run: of the packages without instances only the last few are kept. */
 static const char farewell[] =
@@ -163,6 +164,7 @@ static bool create(Engine *engine, double *memory, const char *path, Message mes
         return false;
     engine->initialize = python->PyDict_GetItemString(engine->names, "initialize");
     engine->evaluate = python->PyDict_GetItemString(engine->names, "evaluate");
+    engine->differentiate = python->PyDict_GetItemString(engine->names, "differentiate");
     engine->advance = python->PyDict_GetItemString(engine->names, "advance");
     return true;
 }
@@ -214,15 +216,23 @@ bool engine_initialize(Engine *engine, Message message) {
     return good;
 }
 
-bool engine_evaluate(Engine *engine, double time, Message message) {
+static bool call_at(const Engine *engine, PyObject *method, double time, Message message) {
     const Python *python = &engine->python;
     int lock = python->PyGILState_Ensure();
     PyObject *t = python->PyFloat_FromDouble(time);
-    bool good = succeeded(engine, python->PyObject_CallFunctionObjArgs(engine->evaluate, t, NULL), message);
+    bool good = succeeded(engine, python->PyObject_CallFunctionObjArgs(method, t, NULL), message);
     if (t != NULL)
         python->Py_DecRef(t);
     python->PyGILState_Release(lock);
     return good;
+}
+
+bool engine_evaluate(Engine *engine, double time, Message message) {
+    return call_at(engine, engine->evaluate, time, message);
+}
+
+bool engine_differentiate(Engine *engine, double time, Message message) {
+    return call_at(engine, engine->differentiate, time, message);
 }
 
 bool engine_advance(Engine *engine, double time, double step, Message message) {

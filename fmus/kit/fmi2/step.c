@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-static bool finite_from(const Instance *instance, int first) {
-    for (int i = first; i < MODEL_VARIABLES; i++)
+static bool finite(const Instance *instance, int first, int end) {
+    for (int i = first; i < end; i++)
         if (!isfinite(instance->now.memory[i])) {
             report(instance, fmi2Error, "'%s' is not a finite number at t = %.10g s", model_variables[i].name,
                    instance->now.time);
@@ -13,15 +13,31 @@ static bool finite_from(const Instance *instance, int first) {
     return true;
 }
 
-fmi2Status refresh(Instance *instance) {
+static fmi2Status evaluation_failed(const Instance *instance, const char *message) {
+    return report(instance, fmi2Error, "evaluation at t = %.10g s failed: %s", instance->now.time, message);
+}
+
+fmi2Status refresh_outputs(Instance *instance) {
     Message message = "";
-    if (instance->now.outdated == 0.0)
+    if (instance->now.outputs_outdated == 0.0)
         return fmi2OK;
     if (!engine_evaluate(instance->engine, instance->now.time, message))
-        return report(instance, fmi2Error, "evaluation at t = %.10g s failed: %s", instance->now.time, message);
-    if (!finite_from(instance, FIRST_OUTPUT))
+        return evaluation_failed(instance, message);
+    if (!finite(instance, FIRST_OUTPUT, FIRST_DERIVATIVE))
         return fmi2Error;
-    instance->now.outdated = 0.0;
+    instance->now.outputs_outdated = 0.0;
+    return fmi2OK;
+}
+
+fmi2Status refresh_derivatives(Instance *instance) {
+    Message message = "";
+    if (instance->now.derivatives_outdated == 0.0)
+        return fmi2OK;
+    if (!engine_differentiate(instance->engine, instance->now.time, message))
+        return evaluation_failed(instance, message);
+    if (!finite(instance, FIRST_DERIVATIVE, MODEL_VARIABLES))
+        return fmi2Error;
+    instance->now.derivatives_outdated = 0.0;
     return fmi2OK;
 }
 
@@ -65,7 +81,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2
     instance->now.time = time + step;
     follow_slopes(instance->now.memory, step);
     touch(instance, false);
-    if (refresh(instance) != fmi2OK || !finite_from(instance, FIRST_INPUT))
+    if (!finite(instance, FIRST_INPUT, FIRST_OUTPUT) || refresh_outputs(instance) != fmi2OK)
         return fail(instance);
     return fmi2OK;
 }

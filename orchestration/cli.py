@@ -1,0 +1,182 @@
+"""The command ``ppy``. Every command is thin; heavy imports happen inside the command that needs them."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from fmus.kit.errors import UserError
+
+app = typer.Typer(name="ppy", add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+
+
+def _option(*names: str, help: str, metavar: str | None = None) -> Any:
+    return typer.Option(*names, help=help, metavar=metavar, show_default=False)
+
+
+_SECONDS = "in s; default the record's, else the FMU's own."
+Model = Annotated[str, typer.Argument(metavar="NAME_OR_FMU", help="A component (see ppy list) or an .fmu file.")]
+Set = Annotated[
+    list[str] | None,
+    _option("--set", metavar="NAME=VALUE[UNIT]", help="Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable."),
+]
+Preset = Annotated[str | None, _option("--preset", help="Start from a preset (see ppy info).")]
+Map = Annotated[
+    list[str] | None,
+    _option(
+        "--map",
+        metavar="COLUMN=SIGNAL[UNIT]",
+        help="Which column is which signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
+    ),
+]
+Runtime = Annotated[str, typer.Option("--runtime", help="Which build of a component to run: native or python.")]
+Picture = Annotated[Path | None, _option("--plot", help="Picture to draw (.png, .svg or .pdf).")]
+
+
+@app.callback(invoke_without_command=True)
+def start(context: typer.Context) -> None:
+    """Components of a polypyrrole artificial-muscle rig as FMUs: build, run, compare with measured data.
+
+    Start with [bold]ppy demo[/] (everything once, with pictures) or [bold]ppy list[/] (what there is).
+    """
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+@app.command("list")
+def list_components() -> None:
+    """List the components."""
+    from fmus import COMPONENTS, component
+
+    width = max(map(len, COMPONENTS))
+    for name in COMPONENTS:
+        summary = (component(name).__doc__ or "").strip().split("\n")[0].rstrip(".")
+        print(f"{name:{width}}  {summary}")
+
+
+@app.command()
+def info(name: Annotated[str, typer.Argument(help="A component (see ppy list).")]) -> None:
+    """Show a component's variables, units, defaults, ranges and where the equations come from."""
+    from orchestration import screen
+
+    screen.info(name)
+
+
+@app.command()
+def build(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Components; default all.")] = None,
+    runtime: Annotated[str, typer.Option(help="python, native or both.")] = "both",
+    platforms: Annotated[
+        str, typer.Option(help="linux64,win64,darwin64; all: what a compiler here can serve.")
+    ] = "all",
+    out: Annotated[Path, typer.Option(help="Folder that gets python/NAME.fmu and native/NAME.fmu.")] = Path("fmu"),
+) -> None:
+    """Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu."""
+    from fmus import COMPONENTS, component
+    from fmus.kit import archive
+    from fmus.kit import build as kit
+    from orchestration import screen
+
+    classes = [component(name) for name in names or COMPONENTS]
+    runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
+    targets = None if platforms == "all" else [p.strip() for p in platforms.split(",")]
+    with screen.progress() as tell:
+        for cls in classes:
+            for kind in runtimes:
+                path = out / kind / f"{cls.name}.fmu"
+                archive.write(path, kit.build(cls, kind, targets, progress=tell))
+                print(path)
+
+
+@app.command()
+def check(files: Annotated[list[Path], typer.Argument(metavar="FMU...", help="FMU files, ours or anybody's.")]) -> None:
+    """Check FMUs against the static part of the contract: structure, units, documentation, binaries."""
+    from orchestration import screen
+
+    if not screen.check(files):
+        raise typer.Exit(1)
+
+
+@app.command()
+def simulate(
+    model: Model,
+    input_file: Annotated[Path | None, _option("--input", help="Record with the inputs, held between samples.")] = None,
+    settings: Set = None,
+    preset: Preset = None,
+    mapping: Map = None,
+    stop: Annotated[float | None, _option("--stop", help=f"Stop time {_SECONDS}")] = None,
+    step: Annotated[float | None, _option("--step", help=f"Communication step {_SECONDS}")] = None,
+    out: Annotated[Path | None, _option("--out", help="CSV for inputs and outputs, with units.")] = None,
+    plot: Picture = None,
+    runtime: Runtime = "native",
+) -> None:
+    """Simulate a component or any FMU."""
+    from orchestration import screen
+
+    screen.simulate(model, runtime, input_file, mapping or [], settings or [], preset, stop, step, out, plot)
+
+
+@app.command()
+def compare(
+    record: Annotated[Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")],
+    model: Annotated[str, typer.Option(metavar="NAME_OR_FMU", help="A component or an .fmu file.")] = "ppy_actuator",
+    mapping: Map = None,
+    settings: Set = None,
+    preset: Preset = None,
+    fit: Annotated[str | None, _option("--fit", help="Parameters to recalibrate, e.g. R1,R2,C.")] = None,
+    out: Annotated[Path | None, _option("--out", help="JSON file for the figures.")] = None,
+    plot: Picture = None,
+    runtime: Runtime = "native",
+) -> None:
+    """Hold a model against a measured record: fit in percent, RMS error, whiteness; recalibrate with --fit."""
+    from orchestration import screen
+
+    names = [name.strip() for name in (fit or "").split(",") if name.strip()]
+    screen.compare(record, model, runtime, mapping or [], settings or [], preset, names, out, plot)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for FMUs, pictures, the record and the report.")] = Path(
+        "demo-output"
+    ),
+) -> None:
+    """Do everything once: build, run the thesis's experiments, compare with an emulated rig, recalibrate, report."""
+    from orchestration import demo as work
+
+    work.run(out)
+
+
+def main() -> None:
+    """Run the command line; every failure is one line on standard error and exit code 2."""
+    code: object = 0
+    try:
+        code = app(standalone_mode=False)
+    except UserError as error:
+        _fail(str(error))
+    except (KeyboardInterrupt, typer.Abort):
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
+    except BrokenPipeError:  # the reader of our output left, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except Exception as error:
+        if hasattr(error, "format_message"):  # a usage error; its class moved between versions of typer
+            context = getattr(error, "ctx", None)
+            _fail(error.format_message() + (f"  (see {context.command_path} --help)" if context else ""))
+        if os.environ.get("PPY_DEBUG"):
+            raise
+        _fail(f"internal error, please report: {type(error).__name__}: {error}  (PPY_DEBUG=1 shows where)")
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str) -> NoReturn:
+    print("error: " + " ".join(message.split()), file=sys.stderr)
+    sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""What the commands show on the terminal, and the order in which they do their work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from orchestration.compare import Comparison
+    from orchestration.models import Model
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False)
+
+
+class Tell:
+    """Says what is being done, and how far it is."""
+
+    def __init__(self, bar: Progress | None):
+        self._bar = bar
+        self._task = bar.add_task("", total=None) if bar else None
+
+    def __call__(self, text: str) -> None:
+        """Begin something new; where there is no terminal, a line of its own."""
+        if self._bar is not None and self._task is not None:
+            self._bar.reset(self._task, description=text, total=None)
+        else:
+            err.print(text, soft_wrap=True, markup=False)
+
+    def done(self, part: int, whole: int) -> None:
+        """So much of it is done."""
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, completed=part, total=whole)
+
+
+@contextmanager
+def progress() -> Iterator[Tell]:
+    """Show on standard error what is being done, how far it is and how long it will take."""
+    if not err.is_terminal:
+        yield Tell(None)
+        return
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        yield Tell(bar)
+
+
+def info(name: str) -> None:
+    """Show a component: variables with units, defaults and ranges, presets, sources."""
+    from fmus import component
+    from fmus.kit.documentation import shown
+
+    cls = component(name)
+    out.print(f"[bold]{name}[/]  {(cls.__doc__ or '').strip().splitlines()[0]}\n")
+    layout = cls.layout
+    for title, variables in (("inputs", layout.inputs), ("outputs", layout.measurable)):
+        table = _table(title, "name", "unit", "meaning")
+        for v in variables:
+            table.add_row(v.name, v.unit, v.doc)
+        out.print(table)
+        out.print()
+    table = _table("parameters", "name", "default", "allowed", "meaning")
+    for p in layout.parameters:
+        table.add_row(p.name, shown(p.start, p), f"{p.min:.3g} … {p.max:.3g} {p.unit}", p.doc)
+    out.print(table)
+    sources: dict[str, list[str]] = {}
+    for p in layout.parameters:
+        if p.source:
+            sources.setdefault(p.source, []).append(p.name)
+    for source, names in sources.items():
+        out.print(f"  {', '.join(names)}: {source}", style="dim", markup=False)
+    for preset, about in cls.presets.items():
+        out.print(f"\npreset [cyan]{preset}[/]: {about.doc}")
+    out.print(f"\nstep {cls.experiment[1]:g} s by default; internal accuracy {cls.tolerance:g}")
+
+
+def _table(title: str | None, *columns: str) -> Table:
+    """Make a plain table whose last column takes the room that is left."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for column in columns[:-1]:
+        table.add_column(column, no_wrap=True)
+    table.add_column(columns[-1])
+    return table
+
+
+def check(files: Sequence[Path]) -> bool:
+    """Print the findings for each file; true if there is no error."""
+    from orchestration.check import check_fmu
+
+    good = True
+    for path in files:
+        findings = check_fmu(path)
+        errors = sum(f.severity == "error" for f in findings)
+        good &= errors == 0
+        for finding in findings:
+            style = {"error": "red", "warning": "yellow"}.get(finding.severity, "dim")
+            out.print(f"{path}: [{style}]{finding.severity}[/] (contract line {finding.line}) ", end="")
+            out.print(finding.message, markup=False)
+        warnings = sum(f.severity == "warning" for f in findings)
+        out.print(f"{path}: {'no errors' if errors == 0 else f'{errors} errors'}, {warnings} warnings")
+    return good
+
+
+def _model(name: str, runtime: str) -> Model:
+    from orchestration.models import find_model
+
+    with progress() as tell:
+        if runtime and name.isidentifier():
+            tell(f"building {name} ({runtime}) unless it is there")
+        return find_model(name, runtime)
+
+
+def simulate(
+    name: str, runtime: str, input_file: Path | None, mapping: Sequence[str], settings: Sequence[str],
+    preset: str | None, stop: float | None, step: float | None, result: Path | None, picture: Path | None,
+) -> None:  # fmt: skip
+    """Do ``ppy simulate``."""
+    import numpy as np
+
+    from orchestration import simulate as work
+    from orchestration.fmu import read_description
+    from orchestration.records import parse_mapping, read_record, write_record
+
+    model = _model(name, runtime)
+    parameters = model.settings(settings, preset)
+    experiment = read_description(model.path).defaultExperiment
+    inputs = {}
+    if input_file is not None:
+        units_of = {s.name: s.unit for s in model.inputs.values()}
+        record = read_record(input_file, units_of, mapping=parse_mapping(mapping), inputs=list(units_of))
+        _notes(record.repairs)
+        last = float(record.time[-1]) if stop is None else stop
+        time = record.time[record.time <= last] if step is None else work.grid(float(record.time[0]), last, step)
+        inputs = {signal: work.held(record, signal, time) for signal in record.signals}
+    else:
+        last = stop if stop is not None else float(getattr(experiment, "stopTime", None) or 10.0)
+        time = work.grid(
+            0.0, last, step if step is not None else float(getattr(experiment, "stepSize", None) or last / 1000)
+        )
+    inputs = {n: np.full(time.size, v) for n, v in parameters.items() if n in model.inputs} | inputs
+    with progress() as tell:
+        tell(f"simulating {model.name}")
+        outputs = work.simulate(model, time, inputs, parameters, lambda n: tell.done(n, time.size))
+    everything = inputs | outputs
+    units_of = {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
+    table = Table(box=None, pad_edge=False)
+    for column in ("output", "smallest", "largest", "last"):
+        table.add_column(column, justify="left" if column == "output" else "right")
+    for output, values in outputs.items():
+        table.add_row(output, *(model.outputs[output].shown(v) for v in (values.min(), values.max(), values[-1])))
+    out.print(f"{model.name}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
+    out.print(table)
+    if result is not None:
+        write_record(result, time, everything, {n: units_of[n] for n in everything})
+        out.print(f"wrote {result}")
+    if picture is not None:
+        work.plot(picture, model, time, everything)
+        out.print(f"wrote {picture}")
+
+
+def compare(
+    record: Path, name: str, runtime: str, mapping: Sequence[str], settings: Sequence[str], preset: str | None,
+    names: Sequence[str], result: Path | None, picture: Path | None,
+) -> None:  # fmt: skip
+    """Do ``ppy compare``."""
+    from orchestration import compare as work
+    from orchestration.records import parse_mapping
+
+    model = _model(name, runtime)
+    data = work.read_for(model, record, parse_mapping(mapping))
+    _notes(data.repairs)
+    with progress() as tell:
+        comparison = work.compare(model, data, model.settings(settings, preset), names, tell)
+    show(comparison)
+    if result is not None:
+        work.write_json(comparison, result)
+        out.print(f"wrote {result}")
+    if picture is not None:
+        work.plot(comparison, picture)
+        out.print(f"wrote {picture}")
+
+
+def show(comparison: Comparison) -> None:
+    """Print a comparison: fit per output, and the fitted parameters with their intervals."""
+    model = comparison.model
+    runs = [("simulated" if comparison.after is None else "before", comparison.before)]
+    runs += [("fitted", comparison.after)] if comparison.after is not None else []
+    table = Table(box=None, pad_edge=False)
+    for column in ("output", "run", "fit", "RMS error", "residual"):
+        table.add_column(column, justify="right" if column in ("fit", "RMS error") else "left")
+    for output in comparison.before:
+        for label, judged in runs:
+            j = judged[output]
+            rest = j.whiteness.describe() if j.whiteness else "too short to judge"
+            table.add_row(output, label, f"{j.fit_percent:.2f} %", model.outputs[output].shown(j.rms), rest)
+    out.print(f"{comparison.record.source.name} against {model.name}: {comparison.record.time.size} samples")
+    out.print(table)
+    if comparison.fit is not None:
+        table = Table(box=None, pad_edge=False)
+        for column in ("parameter", "fitted", "95 % interval", "started from"):
+            table.add_column(column, justify="left" if column == "parameter" else "right")
+        for parameter, e in comparison.fit.estimates.items():
+            signal = model.parameters[parameter]
+            low, high = (signal.shown(x) for x in e.interval)
+            table.add_row(parameter, signal.shown(e.value), f"{low} … {high}", signal.shown(e.nominal))
+        out.print()
+        out.print(table)
+        for warning in comparison.fit.warnings:
+            err.print(f"warning: {warning}", markup=False)
+
+
+def _notes(repairs: Sequence[object]) -> None:
+    for repair in repairs:
+        word = "repaired" if getattr(repair, "changed_data", False) else "noted"
+        err.print(f"{word}: {getattr(repair, 'message', repair)}", markup=False, soft_wrap=True, style="dim")
