@@ -22,6 +22,7 @@ from orchestration.simulate import simulate
 
 Array = NDArray[np.float64]
 _SHORTEST = 20  # samples that a test of whiteness needs
+_MUCH_LARGER = 25.0
 
 
 @dataclass(frozen=True)
@@ -247,14 +248,14 @@ def plot(comparison: Comparison, path: Path) -> None:
         runs = [(before, pictures.MODEL, "simulated" if comparison.after is None else "before")]
         runs += [(comparison.after[name], pictures.FITTED, "fitted")] if comparison.after else []
         for judged, colour, text in runs:
-            over.plot(
-                time,
-                units.convert(judged.simulated, unit, display),
-                color=colour,
-                label=f"{text}: {judged.fit_percent:.1f} % fit",
-            )
+            label = f"{text}: {judged.fit_percent:.1f} % fit"
+            over.plot(time, units.convert(judged.simulated, unit, display), color=colour, label=label)
+        # what the fit leaves would vanish beside a much larger error before it
+        shown = runs[-1:] if runs[0][0].rms > _MUCH_LARGER * runs[-1][0].rms else runs
+        for judged, colour, _ in shown:
             rest.plot(time, units.convert(judged.residual, unit, display), color=colour)
         over.legend(loc="best", ncols=3)
         pictures.label(over, name, display)
-        pictures.label(rest, "residual", display)
+        pictures.label(rest, "residual" if len(shown) == len(runs) else "residual (fitted)", display)
+    pictures.logarithmic(axes, time)
     pictures.save(figure, path)

@@ -115,7 +115,7 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
         shown = inputs | {
             o: native[o] for o in (["voltage", "displacement"] if "current" in inputs else ["displacement"])
         }
-        simulate.plot(out / f"{file}.png", models["native"], time, shown)
+        simulate.plot(out / f"{file}.png", models["native"], time, shown, title)
         runs.append(_Run(title, out / f"{file}.png", difference))
     return runs
 
@@ -185,7 +185,7 @@ def _outputs(
     rows = []
     for name, b in before.items():
         a, signal = after[name], model.outputs[name]
-        white = a.whiteness.describe() if a.whiteness else "too short to judge"
+        white = a.whiteness.summary() if a.whiteness else "too short to judge"
         fits = [f"{b.fit_percent:.1f} %", f"{a.fit_percent:.1f} %"]
         rows.append([label, name, *fits, signal.shown(b.rms), signal.shown(a.rms), white])
     return rows

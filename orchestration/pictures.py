@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fmus.kit.errors import UserError
 
 if TYPE_CHECKING:
@@ -39,6 +42,13 @@ def label(axis: Axes, name: str, unit: str) -> None:
     axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
 
 
+def logarithmic(axes: list[Axes], time: NDArray[np.float64]) -> None:
+    """Make the time axis logarithmic for records sampled that way, such as creep tests."""
+    steps = np.diff(time)
+    if len(steps) and steps.max() > 1000.0 * steps.min():
+        axes[-1].set_xscale("log")
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write the figure, in the format of the file's ending.
 
@@ -47,6 +57,7 @@ def save(figure: Figure, path: Path) -> None:
     UserError
         If it cannot be written, or the ending is no picture format.
     """
+    figure.align_ylabels()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path)

@@ -202,7 +202,7 @@ def show(comparison: Comparison) -> None:
     for output in comparison.before:
         for label, judged in runs:
             j = judged[output]
-            rest = j.whiteness.describe() if j.whiteness else "too short to judge"
+            rest = j.whiteness.summary() if j.whiteness else "too short to judge"
             table.add_row(output, label, f"{j.fit_percent:.2f} %", model.outputs[output].shown(j.rms), rest)
     out.print(f"{comparison.record.source.name} against {model.name}: {comparison.record.time.size} samples")
     out.print(table)

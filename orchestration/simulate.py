@@ -79,7 +79,7 @@ def simulate(
         return fmu.run(time, inputs, list(model.outputs), progress)
 
 
-def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array]) -> None:
+def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = "") -> None:
     """Draw inputs and outputs over time, one panel each, in display units.
 
     Raises
@@ -90,9 +90,10 @@ def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array]) ->
     from orchestration import pictures
 
     known = {**model.inputs, **model.outputs}
-    figure, panels = pictures.panels(len(signals), model.name)
+    figure, panels = pictures.panels(len(signals), title or model.name)
     for panel, (name, values) in zip(panels, signals.items(), strict=True):
         signal = known[name]
-        panel.plot(time, units.convert(values, signal.unit, signal.display), color=pictures.MODEL, drawstyle="default")
+        style = "steps-post" if name in model.inputs else "default"  # inputs are held
+        panel.plot(time, units.convert(values, signal.unit, signal.display), color=pictures.MODEL, drawstyle=style)
         pictures.label(panel, name, signal.display)
     pictures.save(figure, path)

@@ -68,6 +68,12 @@ class Whiteness:
         """Whether the Ljung-Box test does not reject whiteness at the declared significance."""
         return self.p_value >= self.significance
 
+    def summary(self) -> str:
+        """Return the verdict in a few words."""
+        if np.isnan(self.p_value):
+            return "constant"
+        return f"{'white' if self.is_white else 'not white'} (p = {self.p_value:.2g}, lag-1 {self.lag_one:+.2f})"
+
     def describe(self) -> str:
         """Return one readable line."""
         if np.isnan(self.p_value):

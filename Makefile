@@ -1,0 +1,51 @@
+# `make demo` and `make test` do all set-up on a fresh machine with Python 3.11 or newer.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test test-slow check benchmark chromium clean help
+
+help:
+	@echo "make demo       everything once, with pictures and a report in demo-output/"
+	@echo "make test       checks and tests"
+	@echo "make test-slow  the tests that take minutes"
+	@echo "make benchmark  speed, as ratios measured in one run"
+
+demo: $(VENV)/installed
+	$(BIN)/ppy demo --out demo-output
+
+test: $(VENV)/installed-dev check chromium
+	$(BIN)/pytest -n 2
+
+test-slow: $(VENV)/installed-dev chromium
+	$(BIN)/pytest -m slow
+
+check: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+benchmark: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks
+
+# The report is looked at in a real browser; without the rights to install one, that test says why it is skipped.
+chromium:
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
+	  { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && apt-get install -y -qq chromium; } || \
+	  echo "no chromium here: the browser test will be skipped"
+
+$(VENV)/bin/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; this is " + sys.version.split()[0] + " (set PYTHON=...)")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/installed: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[native,records]'
+	@touch $@
+
+$(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@ $(VENV)/installed
+
+clean:
+	rm -rf $(VENV) demo-output build *.egg-info
