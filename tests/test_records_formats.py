@@ -221,7 +221,7 @@ def test_a_second_labview_segment_is_refused_with_its_row(tmp_path):
         ('time [s],current [A]\n0,"1\n1,2\n', "row 2: the quotes"),
         ("time [s];current [A]\n0.5;1,5\n1;2\n", "decimal comma or decimal point"),
         ("time [s],current [V]\n0,1\n1,2\n", "column 'current' is in V, but current is in A"),
-        ("time [s],current [blorg]\n0,1\n1,2\n", "unit 'blorg' is not known"),
+        ("time [s],current [blorg]\n0,1\n1,2\n", "unknown unit 'blorg'"),
         ("sample [1],current [A]\n0,1\n1,2\n", "--map 'sample=time[s]'"),
         ("current [A],displacement [m]\n0,1\n1,2\n", "no time column"),
         ("time [s],time [s],current [A]\n0,0,1\n1,1,2\n", "2 columns are called time"),

@@ -55,7 +55,7 @@ def parse(unit: str) -> pint.Unit:
     UserError
         If pint does not know it.
     """
-    if unit.strip() in ("", "1"):
+    if unit.strip() in ("", "1", "-", "–"):
         return registry().dimensionless
     try:
         return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
@@ -102,6 +102,13 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
     if unit == to:
         return value
     source, target = parse(unit), parse(to)
-    if source.dimensionality != target.dimensionality:
+    if not convertible(source, target):
         raise UserError(f"{what}: unit {unit!r} cannot be converted to {to!r}")
-    return registry().Quantity(value, source).to(target).magnitude
+    return value if source == target else registry().Quantity(value, source).to(target).magnitude
+
+
+def convertible(source: pint.Unit, target: pint.Unit) -> bool:
+    """Whether two parsed units measure the same thing."""
+    # pint counts 1 Hz as 1 rad/s; a factor of 2 pi must not be lost in that
+    frequency_as_speed = ("hertz" in str(source)) != ("hertz" in str(target)) and "radian" in f"{source} {target}"
+    return source.dimensionality == target.dimensionality and not frequency_as_speed

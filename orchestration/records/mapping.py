@@ -213,7 +213,7 @@ def find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> 
     UserError
         If there is none, or more than one.
     """
-    from orchestration.records.units import parse_unit
+    from fmus.kit.units import parse
 
     free = [column for column in table.columns if not any(column is other for other in taken)]
     named = [column for column in free if column.name.casefold() in _TIME_NAMES and column.name not in signals]
@@ -225,7 +225,7 @@ def find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> 
     first = table.columns[0]
     if any(first is column for column in free) and first.unit is not None and first.name not in signals:
         try:
-            if parse_unit(first.unit).dimensionality == {"[time]": 1}:
+            if parse(first.unit).dimensionality == {"[time]": 1}:
                 return first
         except UserError:
             pass
