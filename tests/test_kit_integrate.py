@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from fmus.kit import Component, Discrete, Input, Parameter, State, UserError, cos, exp, sqrt
+from fmus.kit import Component, Discrete, Input, Parameter, State, UserError, cos, sqrt
 from fmus.kit import integrate as module
 from fmus.kit.integrate import Integrator
 
@@ -213,7 +213,7 @@ def test_batch_of_one_takes_the_same_steps():
 
 
 def test_batch_that_overflows_in_a_trial_step_gives_no_warning():
-    starts = np.array([1000.0, 1.0])
+    starts = np.array([300.0, 1.0])
     model = Quartic(x_start=starts, v_start=np.zeros(2))
     Integrator(model, batch=True).advance(0.0, 1.0)
     assert model.v**2 / 2 + model.x**4 / 4 == pytest.approx(starts**4 / 4, rel=1e-4)
@@ -319,7 +319,7 @@ def test_what_is_not_finite_is_reported_with_the_state(law, start, step):
 def test_batch_that_is_not_finite_is_reported_with_the_state():
     model = failing(lambda m: sqrt(m.wild))
     model.calm, model.wild = np.zeros(2), np.array([1.0, -1.0])
-    with np.errstate(invalid="ignore"), pytest.raises(UserError, match="^not finite: wild at 0 s$"):
+    with np.errstate(invalid="ignore"), pytest.raises(UserError, match=r"^not finite: wild at 0 s$"):
         Integrator(model, batch=True).advance(0.0, 1.0)
 
 
@@ -335,7 +335,7 @@ def test_escape_in_finite_time_ends_with_a_message_near_that_time(law):
 
 
 def test_an_unstable_law_ends_with_a_message():
-    with pytest.raises(UserError, match="^not finite: wild at 0.7"):
+    with pytest.raises(UserError, match=r"^not finite: wild at 0.7"):
         Integrator(failing(lambda m: 1e3 * m.wild)).advance(0.0, 10.0)
 
 
@@ -348,13 +348,13 @@ def test_a_trial_step_that_overflows_is_only_rejected():
 def test_accuracy_that_cannot_be_reached_is_reported():
     calls = iter(range(10**6))
     model = failing(lambda m: 1e8 * (-1.0) ** next(calls))  # no two values are alike
-    with pytest.raises(UserError, match="^accuracy 1e-09 cannot be reached at 0 s$"):
+    with pytest.raises(UserError, match=r"^accuracy 1e-09 cannot be reached at 0 s$"):
         Integrator(model).advance(0.0, 1.0)
 
 
 def test_too_many_internal_steps_are_reported(monkeypatch):
     monkeypatch.setattr(module, "MOST_STEPS", 100)
-    with pytest.raises(UserError, match="^more than 100 internal steps in one communication step at "):
+    with pytest.raises(UserError, match=r"^more than 100 internal steps in one communication step at "):
         Integrator(Oscillator()).advance(0.0, 1000.0)
 
 
@@ -366,6 +366,6 @@ def test_the_limit_counts_over_all_samples_of_a_communication_step(monkeypatch):
             return self.n + 1.0
 
     monkeypatch.setattr(module, "MOST_STEPS", 100)
-    with pytest.raises(UserError, match="^more than 100 internal steps"):
+    with pytest.raises(UserError, match=r"^more than 100 internal steps"):
         Integrator(Fast()).advance(0.0, 1000.0)
     Integrator(Fast()).advance(0.0, 0.1)

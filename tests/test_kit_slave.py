@@ -35,6 +35,7 @@ def test_outputs_and_derivatives_are_evaluated_from_the_memory():
     instance, memory = slave(Thermostat, boost=True)
     names = Thermostat.layout.names
     assert instance.evaluate(0.0) is None
+    assert instance.differentiate(0.0) is None
     assert memory[names.index("power")] == 30.0
     assert memory[names.index("der(temperature)")] == (30.0 - 0.5 * (290.0 - 280.0)) / 20.0
     assert memory[names.index("der(energy)")] == 30.0
@@ -60,12 +61,14 @@ def test_a_copy_of_the_memory_is_a_copy_of_the_instance():
     for k in range(7, 20):
         instance.advance(k * 0.5, 0.5)
     instance.evaluate(10.0)
+    instance.differentiate(10.0)
     first = memory.tobytes()
     memory[:] = saved
     memory[len(Thermostat.layout.names) + 3] = 1.0  # the front-end says so after restoring
     for k in range(7, 20):
         instance.advance(k * 0.5, 0.5)
     instance.evaluate(10.0)
+    instance.differentiate(10.0)
     assert memory.tobytes() == first
 
     other, elsewhere = slave(Thermostat)
@@ -74,6 +77,7 @@ def test_a_copy_of_the_memory_is_a_copy_of_the_instance():
     for k in range(7, 20):
         other.advance(k * 0.5, 0.5)
     other.evaluate(10.0)
+    other.differentiate(10.0)
     assert elsewhere.tobytes() == first
 
 
@@ -100,7 +104,7 @@ def test_what_a_law_raises_becomes_a_sentence():
             return sqrt(-self.x)
 
     memory = memoryview(array("d", [1.0, 1.0, 0.0, math.inf, 0.0, 1e-9, 1.0]))
-    sentence = Slave(Broken, memory).initialize()
+    sentence = Slave(Broken, memory).differentiate(0.0)
     assert sentence is not None
     assert "AttributeError" in sentence
     assert "in law" in sentence

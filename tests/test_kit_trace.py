@@ -22,7 +22,9 @@ def point(cls, seed):
     rng = np.random.default_rng(seed)
     values = {}
     for v in cls.layout.parameters:
-        near = v.start * rng.uniform(0.5, 2.0) + (rng.normal() * v.nominal if v.start == 0 or v.name.endswith("_start") else 0.0)
+        near = v.start * rng.uniform(0.5, 2.0) + (
+            rng.normal() * v.nominal if v.start == 0 or v.name.endswith("_start") else 0.0
+        )
         values[v.name] = float(np.clip(near, v.min, v.max))
     for group in (cls.layout.inputs, cls.layout.states, cls.layout.discretes):
         for v in group:

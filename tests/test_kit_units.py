@@ -81,7 +81,7 @@ def test_arrays_keep_their_shape():
 
 
 def test_what_cannot_be_converted_is_named():
-    with pytest.raises(UserError, match="record.csv column force: unit 'mm' cannot be converted to 'N'"):
+    with pytest.raises(UserError, match=r"record.csv column force: unit 'mm' cannot be converted to 'N'"):
         convert(1.0, "mm", "N", "record.csv column force")
 
 

@@ -25,26 +25,6 @@ _SHORTEST_LAG = 0.05
 _SMALL = 1e-4
 
 
-class SeriesResistanceEffect(ActuatorEffect):
-    """A changed series resistance, base of the effects that change R1.
-
-    With ``R`` in place of R1, eq. 3.5 becomes ``dQ/dt = (R2 i - Q/C) / (R + R2)`` and the voltage ``R dQ/dt + Q/C``.
-    Both follow from the base laws by a factor and an added drop, so that several such effects share one resistance.
-    """
-
-    def series_resistance(self) -> Any:
-        """Series resistance in place of R1."""
-        return self.R1
-
-    def capacitor_current(self) -> Any:
-        """Charging current with the changed resistance, dQ/dt = (R2 i - Q/C) / (R + R2)."""
-        return super().capacitor_current() * ((self.R1 + self.R2) / (self.series_resistance() + self.R2))
-
-    def voltage(self) -> Any:
-        """Voltage across the actuator with the changed resistance, R dQ/dt + Q/C."""
-        return super().voltage() + (self.series_resistance() - self.R1) * self.capacitor_current()
-
-
 class DoubleLayer(ActuatorEffect):
     """Double layer at the interface of electrolyte and polymer: a fast RC branch in series with R1 and C.
 
@@ -72,7 +52,7 @@ class DoubleLayer(ActuatorEffect):
         return super().capacitor_voltage() + self.double_layer_resistance * self.faradaic_current
 
 
-class ResistanceGrowth(SeriesResistanceEffect):
+class ResistanceGrowth(ActuatorEffect):
     """Ageing: the series resistance grows with the charge moved into and out of the films.
 
     ``R = R1 (1 + gamma q)`` with ``dq/dt = |dQ/dt|``. Relaxes assumption 6, that the parameters do not change with

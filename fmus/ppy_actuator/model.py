@@ -47,9 +47,13 @@ class Actuator(Component):
         """Voltage across the film capacitance, Q / C (fig. 3-1)."""
         return self.charge / self.C
 
+    def series_resistance(self) -> Any:
+        """Resistance in series with the films, R1 (fig. 3-1)."""
+        return self.R1
+
     def capacitor_current(self) -> Any:
         """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
-        return (self.R2 * self.current - self.capacitor_voltage()) / (self.R1 + self.R2)
+        return (self.R2 * self.current - self.capacitor_voltage()) / (self.series_resistance() + self.R2)
 
     @Output("V")
     def voltage(self) -> Any:
@@ -57,7 +61,7 @@ class Actuator(Component):
 
         The drop over R1 plus the capacitor voltage; its transfer function from the current is eq. 3.9.
         """
-        return self.R1 * self.capacitor_current() + self.capacitor_voltage()
+        return self.series_resistance() * self.capacitor_current() + self.capacitor_voltage()
 
     # --- coupling ---------------------------------------------------------------------------------------------------
 
