@@ -29,6 +29,6 @@ def component(name: str) -> type[Component]:
     if name not in COMPONENTS:
         near = difflib.get_close_matches(name, COMPONENTS, 1)
         hint = f"; did you mean {near[0]}?" if near else ""
-        raise UserError(f"no component named {name!r}{hint} There are: {', '.join(COMPONENTS)}")
+        raise UserError(f"no component named {name!r}{hint} (there are {', '.join(COMPONENTS)})")
     module, cls = COMPONENTS[name].split(":")
     return getattr(importlib.import_module(f"{__name__}.{module}"), cls)

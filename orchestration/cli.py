@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import typer
 
 from fmus.kit.errors import UserError
 
+_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 app = typer.Typer(name="ppy", add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
 
 
@@ -136,6 +138,8 @@ def compare(
     from orchestration import screen
 
     names = [name.strip() for name in (fit or "").split(",") if name.strip()]
+    if fit is not None and not names:
+        raise UserError(f"--fit {fit!r}: name the parameters to recalibrate, e.g. R1,R2,C")
     screen.compare(record, model, runtime, mapping or [], settings or [], preset, names, out, plot)
 
 
@@ -154,13 +158,18 @@ def demo(
 def main() -> None:
     """Run the command line; every failure is one line on standard error and exit code 2."""
     code: object = 0
+    for stream in (sys.stdout, sys.stderr):  # a terminal or a file name that knows no Unicode is no reason to fail
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
-        code = app(standalone_mode=False)
+        code = app(standalone_mode=False, prog_name="ppy")
+        if code == _INTERRUPTED:  # typer has taken the interrupt for itself
+            raise KeyboardInterrupt
     except UserError as error:
         _fail(str(error))
     except (KeyboardInterrupt, typer.Abort):
         print("interrupted", file=sys.stderr)
-        sys.exit(130)
+        sys.exit(_INTERRUPTED)
     except BrokenPipeError:  # the reader of our output left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:

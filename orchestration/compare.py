@@ -122,23 +122,14 @@ def compare(
         If the FMU fails, or a fit is asked of a model whose equations are not ours.
     """
     given = dict(parameters or {})
+    _check_names(model, names)
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {model.path.name} over {record.time.size} samples")
     before = _judge(model, record.time, inputs, measured, given)
     if not names:
         return Comparison(model, record, given, before, None, None)
-    if model.cls is None:
-        raise UserError(
-            f"--fit needs the equations; {model.name} is an FMU without them (fit one of ours: see ppy list)"
-        )
-    unknown = [name for name in names if name not in model.parameters]
-    if unknown:
-        from orchestration.fmu import suggestion
-
-        raise UserError(
-            f"--fit: {model.name} has no parameter named {unknown[0]!r}{suggestion(unknown[0], model.parameters)}"
-        )
+    assert model.cls is not None
     constant = {name: np.full(record.time.size, value) for name, value in given.items() if name in model.inputs}
     fixed = {name: value for name, value in given.items() if name in model.parameters}
     result = fit(
@@ -149,6 +140,21 @@ def compare(
     return Comparison(
         model, record, given, before, result, _judge(model, record.time, inputs, measured, given | result.values)
     )
+
+
+def _check_names(model: Model, names: Sequence[str]) -> None:
+    """Refuse, before any work is done, to fit what cannot be fitted."""
+    if names and model.cls is None:
+        raise UserError(
+            f"--fit needs the equations; {model.name} is an FMU without them (fit one of ours: see ppy list)"
+        )
+    for k, name in enumerate(names):
+        if name not in model.parameters:
+            from orchestration.fmu import suggestion
+
+            raise UserError(f"--fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
+        if name in names[:k]:
+            raise UserError(f"--fit: {name} is named twice in {','.join(names)}")
 
 
 def _judge(
@@ -254,7 +260,7 @@ def plot(comparison: Comparison, path: Path) -> None:
         shown = runs[-1:] if runs[0][0].rms > _MUCH_LARGER * runs[-1][0].rms else runs
         for judged, colour, _ in shown:
             rest.plot(time, units.convert(judged.residual, unit, display), color=colour)
-        over.legend(loc="best", ncols=3)
+        over.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
         pictures.label(over, name, display)
         pictures.label(rest, "residual" if len(shown) == len(runs) else "residual (fitted)", display)
     pictures.logarithmic(axes, time)

@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 _STEP = 0.1
 _FITTED = ["R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2"]
 _UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
-_SEED = 7
+_SEED = 3
+_DIGITS = 4
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,9 @@ def _report(
     page.table(["record", "output", "fit before", "fit after", "RMS before", "RMS after", "residual after"], rows)
     page.heading("Two experiments of the thesis")
     for run in runs:
-        agreement = f"Python and native FMU differ by at most {run.difference:.1e} of the largest value."
+        agreement = "Python and native FMU give the same values to the last digit."
+        if run.difference > 0.0:
+            agreement = f"Python and native FMU differ by at most {run.difference:.1e} of the largest value."
         page.picture(run.picture, f"{run.title}. {agreement}")
     page.heading("How to reproduce")
     fitted = ",".join(_FITTED)
@@ -174,7 +177,7 @@ def _parameters(comparison: comparing.Comparison, truth: RigParameters) -> list[
     true, rows = asdict(truth), []
     for name, e in comparison.fit.estimates.items() if comparison.fit else ():
         signal, (low, high) = comparison.model.parameters[name], e.interval
-        shown = [signal.shown(x) for x in (e.nominal, e.value, low, high, true[name])]
+        shown = [signal.shown(x, _DIGITS) for x in (e.nominal, e.value, low, high, true[name])]
         rows.append([name, *shown, "yes" if low <= true[name] <= high else "no"])
     return rows
 
@@ -187,5 +190,5 @@ def _outputs(
         a, signal = after[name], model.outputs[name]
         white = a.whiteness.summary() if a.whiteness else "too short to judge"
         fits = [f"{b.fit_percent:.1f} %", f"{a.fit_percent:.1f} %"]
-        rows.append([label, name, *fits, signal.shown(b.rms), signal.shown(a.rms), white])
+        rows.append([label, name, *fits, signal.shown(b.rms, _DIGITS), signal.shown(a.rms, _DIGITS), white])
     return rows

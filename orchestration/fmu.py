@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import os
 import shutil
 import tempfile
 import zipfile
@@ -11,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+from xml.etree import ElementTree
 
 import fmpy
 import fmpy.fmi2 as fmi2
@@ -41,19 +43,23 @@ def read_description(path: Path) -> Any:
         If the file is missing, no zip, no FMU, or not FMI 2.0 for co-simulation.
     """
     if not path.is_file():
-        raise UserError(f"{path}: no such file")
+        raise UserError(f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}")
     if not zipfile.is_zipfile(path):
         raise UserError(f"{path}: not an FMU (an FMU is a zip archive; this is not one)")
     with zipfile.ZipFile(path) as archive:
         if "modelDescription.xml" not in archive.namelist():
             raise UserError(f"{path}: a zip archive but not an FMU (modelDescription.xml is not in it)")
     try:
+        with zipfile.ZipFile(path) as archive:
+            version = ElementTree.fromstring(archive.read("modelDescription.xml")).get("fmiVersion", "")
+        if not version.startswith("2."):
+            raise UserError(f"{path}: FMI version {version or 'not stated'}; this program runs FMI 2.0")
         # the outer form only: `ppy check` is there for the rest
         description = fmpy.read_model_description(str(path), validate=False)
+    except UserError:
+        raise
     except Exception as error:
         raise UserError(f"{path}: modelDescription.xml cannot be read ({_first_line(error)})") from error
-    if not str(description.fmiVersion).startswith("2."):
-        raise UserError(f"{path}: FMI version {description.fmiVersion}; this program runs FMI 2.0")
     if description.coSimulation is None:
         raise UserError(f"{path}: an FMU for model exchange only; this program runs co-simulation")
     return description
@@ -109,14 +115,15 @@ class Fmu:
     def __enter__(self) -> Fmu:
         self._check_platform()
         self._folder = tempfile.mkdtemp(prefix="ppy-fmu-")
+        here = Path.cwd()
         try:
             fmpy.extract(str(self.path), self._folder)
             self._instantiate()
-        except UserError:
+        except BaseException as error:
+            os.chdir(here)  # where loading fails, fmpy leaves the process in the folder that is removed now
             self.close()
-            raise
-        except Exception as error:
-            self.close()
+            if isinstance(error, UserError) or not isinstance(error, Exception):
+                raise
             raise UserError(f"{self.path}: cannot be loaded ({self._reason(error)})") from error
         return self
 

@@ -41,10 +41,10 @@ class Signal:
     low: float
     high: float
 
-    def shown(self, value: float) -> str:
+    def shown(self, value: float, digits: int = 6) -> str:
         """Value in the display unit, with it."""
         number = units.convert(float(value), self.unit, self.display)
-        return f"{number:.6g}" + ("" if self.display == "1" else f" {self.display}")
+        return f"{number:.{digits}g}" + ("" if self.display == "1" else f" {self.display}")
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,11 @@ class Model:
         value = {"true": 1.0, "false": 0.0}[number] if number in ("true", "false") else float(number)
         unit = match["unit"].strip().removeprefix("[").removesuffix("]").strip()
         if unit:
-            value = float(units.convert(value, unit, signal.unit, f"--set {name}={given}"))
+            where = f"--set {name}={given}"
+            try:
+                value = float(units.convert(value, unit, signal.unit, where))
+            except UserError as error:
+                raise UserError(str(error) if where in str(error) else f"{where}: {error}") from error
         if not signal.low <= value <= signal.high:
             allowed = f"{signal.low:g} to {signal.high:g} {signal.unit}"
             raise UserError(f"--set {name}={given}: {value:g} {signal.unit} is out of range; allowed is {allowed}")

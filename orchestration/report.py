@@ -13,7 +13,8 @@ from fmus.kit.documentation import STYLE
 _MORE = """
 p.verdict { font-size: 1.2rem; border-left: 4px solid #0b6aa2; padding-left: 0.8rem }
 figure { margin: 1.2rem 0 } figcaption { color: #52616e; font-size: 0.92rem }
-td:not(:first-child) { font-variant-numeric: tabular-nums }
+table { font-size: 0.9rem } td { white-space: nowrap } td:not(:first-child) { font-variant-numeric: tabular-nums }
+div.picture { overflow-x: auto } @media (max-width: 640px) { div.picture img { max-width: none; width: 640px } }
 """
 
 
@@ -54,7 +55,8 @@ class Page:
         data = base64.b64encode(file.read_bytes()).decode()
         text = html.escape(caption)
         self.parts.append(
-            f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
+            f'<figure><div class="picture"><img alt="{text}" src="data:image/png;base64,{data}"></div>'
+            f"<figcaption>{text}</figcaption></figure>"
         )
 
     def code(self, lines: Sequence[str]) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+import os
+import sys
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,11 +14,15 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from fmus.kit.errors import UserError
+
 if TYPE_CHECKING:
     from orchestration.compare import Comparison
     from orchestration.models import Model
 
-out = Console(highlight=False, soft_wrap=True)
+# in a file or a pipe there is no edge to wrap at; 160 keeps the tables whole
+_WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
+out = Console(highlight=False, soft_wrap=True, width=_WIDTH)
 err = Console(stderr=True, highlight=False)
 
 
@@ -113,12 +120,33 @@ def check(files: Sequence[Path]) -> bool:
 
 
 def _model(name: str, runtime: str) -> Model:
+    from fmus import COMPONENTS
     from orchestration.models import find_model
 
     with progress() as tell:
-        if runtime and name.isidentifier():
+        if name in COMPONENTS:
             tell(f"building {name} ({runtime}) unless it is there")
         return find_model(name, runtime)
+
+
+def _check_results(result: Path | None, picture: Path | None) -> None:
+    """Refuse, before any work is done, names under which nothing can be written."""
+    from orchestration.pictures import picture_format
+
+    for option, path in (("--out", result), ("--plot", picture)):
+        if path is not None and path.is_dir():
+            raise UserError(f"{option} {path}: this is a folder; name a file in it")
+    if picture is not None:
+        picture_format(picture)
+
+
+def _absent(model: Model, signals: Collection[str], parameters: Collection[str]) -> None:
+    """Tell which inputs no file and no setting gives."""
+    for name, signal in model.inputs.items():
+        if name not in signals and name not in parameters:
+            err.print(
+                f"warning: no values for the input {name}; it stays at {signal.shown(signal.start)}", markup=False
+            )
 
 
 def simulate(
@@ -132,16 +160,20 @@ def simulate(
     from orchestration.fmu import read_description
     from orchestration.records import parse_mapping, read_record, write_record
 
+    renamed = parse_mapping(mapping)
+    if renamed and input_file is None:
+        raise UserError("--map renames the columns of a record; give the record with --input")
+    _check_results(result, picture)
     model = _model(name, runtime)
     parameters = model.settings(settings, preset)
     experiment = read_description(model.path).defaultExperiment
     inputs = {}
     if input_file is not None:
         units_of = {s.name: s.unit for s in model.inputs.values()}
-        record = read_record(input_file, units_of, mapping=parse_mapping(mapping), inputs=list(units_of))
+        record = read_record(input_file, units_of, mapping=renamed, inputs=list(units_of))
         _notes(record.repairs)
-        last = float(record.time[-1]) if stop is None else stop
-        time = record.time[record.time <= last] if step is None else work.grid(float(record.time[0]), last, step)
+        _absent(model, record.signals, parameters)
+        time = work.points(record.time, stop, step)
         inputs = {signal: work.held(record, signal, time) for signal in record.signals}
     else:
         last = stop if stop is not None else float(getattr(experiment, "stopTime", None) or 10.0)
@@ -177,11 +209,14 @@ def compare(
     from orchestration import compare as work
     from orchestration.records import parse_mapping
 
+    _check_results(result, picture)
     model = _model(name, runtime)
+    parameters = model.settings(settings, preset)
     data = work.read_for(model, record, parse_mapping(mapping))
     _notes(data.repairs)
+    _absent(model, data.signals, parameters)
     with progress() as tell:
-        comparison = work.compare(model, data, model.settings(settings, preset), names, tell)
+        comparison = work.compare(model, data, parameters, names, tell)
     show(comparison)
     if result is not None:
         work.write_json(comparison, result)
@@ -203,7 +238,7 @@ def show(comparison: Comparison) -> None:
         for label, judged in runs:
             j = judged[output]
             rest = j.whiteness.summary() if j.whiteness else "too short to judge"
-            table.add_row(output, label, f"{j.fit_percent:.2f} %", model.outputs[output].shown(j.rms), rest)
+            table.add_row(output, label, _percent(j.fit_percent), model.outputs[output].shown(j.rms), rest)
     out.print(f"{comparison.record.source.name} against {model.name}: {comparison.record.time.size} samples")
     out.print(table)
     if comparison.fit is not None:
@@ -217,7 +252,11 @@ def show(comparison: Comparison) -> None:
         out.print()
         out.print(table)
         for warning in comparison.fit.warnings:
-            err.print(f"warning: {warning}", markup=False)
+            err.print(f"warning: {warning}", markup=False, soft_wrap=True)
+
+
+def _percent(fit: float) -> str:
+    return f"{fit:.2f} %" if math.isfinite(fit) else "undefined"  # of an output that was constant
 
 
 def _notes(repairs: Sequence[object]) -> None:

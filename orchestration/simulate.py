@@ -29,12 +29,32 @@ def grid(start: float, stop: float, step: float) -> Array:
         raise UserError(
             f"cannot step from {start:g} s to {stop:g} s by {step:g} s: --stop must come later and --step be positive"
         )
-    if (stop - start) / step > 1e8:
+    if (stop - start) / step > 1e7:
         raise UserError(
-            f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at most 1e8 are made"
+            f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at most 1e7 are made"
         )
     points: Array = start + step * np.arange(int((stop - start) / step * (1 + 1e-12)) + 1, dtype=np.float64)
-    return points if stop - points[-1] < 1e-9 * step else np.concatenate([points, [stop]])
+    return points if stop - points[-1] < 1e-9 * min(step, stop - start) else np.concatenate([points, [stop]])
+
+
+def points(recorded: Array, stop: float | None, step: float | None) -> Array:
+    """Communication points for a record: its own times, or a grid of ``step``; from its start, to ``stop`` if given.
+
+    Raises
+    ------
+    UserError
+        If the numbers make no grid, or the record ends before ``stop`` and no step says how to go on.
+    """
+    first, end = float(recorded[0]), float(recorded[-1])
+    last = end if stop is None else stop
+    if step is not None:
+        return grid(first, last, step)
+    if not first < last <= end:
+        raise UserError(
+            f"--stop {last:g} s is not within the record, which goes from {first:g} s to {end:g} s "
+            "(with --step, its last values are held beyond its end)"
+        )
+    return recorded[recorded <= last]
 
 
 def held(record: Record, name: str, time: Array) -> Array:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers on two cores; before numpy is loaded
+
 from collections.abc import Callable
 from pathlib import Path
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from fmus.kit import Component, Discrete, Input, Parameter, State, UserError, cos, sqrt
+from fmus.kit import Component, Discrete, Input, Parameter, State, UserError, cos, maximum, sqrt, where
 from fmus.kit import integrate as module
 from fmus.kit.integrate import Integrator
 
@@ -106,7 +106,7 @@ def run(integrator, step, steps, start=0.0):
 def test_exponential(rate, step, steps):
     model = Decay(rate=rate)
     run(Integrator(model), step, steps)
-    assert model.x == pytest.approx(math.exp(-rate * step * steps), rel=1e-6, abs=1e-8)
+    assert model.x == pytest.approx(math.exp(-rate * step * steps), rel=1e-6, abs=10 * model.tolerance)
 
 
 def test_one_internal_step_is_the_taylor_polynomial_of_fourth_order():
@@ -185,8 +185,7 @@ def test_internal_step_lands_exactly_on_the_communication_point():
     integrator = Integrator(Watched(rate=40.0))
     for k in range(10):
         integrator.advance(k * 0.1, 0.1)
-    assert max(seen) <= 0.9 + 0.1 + 1e-15
-    assert seen[-1] == pytest.approx(1.0, abs=1e-15)
+    assert max(seen) == pytest.approx(1.0, abs=1e-15)
 
 
 # --- batches ----------------------------------------------------------------------------------------------------------
@@ -335,7 +334,7 @@ def test_escape_in_finite_time_ends_with_a_message_near_that_time(law):
 
 
 def test_an_unstable_law_ends_with_a_message():
-    with pytest.raises(UserError, match=r"^not finite: wild at 0.7"):
+    with pytest.raises(UserError, match=r"^not finite: wild at 0\.[67]"):
         Integrator(failing(lambda m: 1e3 * m.wild)).advance(0.0, 10.0)
 
 
@@ -348,7 +347,7 @@ def test_a_trial_step_that_overflows_is_only_rejected():
 def test_accuracy_that_cannot_be_reached_is_reported():
     calls = iter(range(10**6))
     model = failing(lambda m: 1e8 * (-1.0) ** next(calls))  # no two values are alike
-    with pytest.raises(UserError, match=r"^accuracy 1e-09 cannot be reached at 0 s$"):
+    with pytest.raises(UserError, match=r"^accuracy 1e-08 cannot be reached at 0 s$"):
         Integrator(model).advance(0.0, 1.0)
 
 
@@ -369,3 +368,46 @@ def test_the_limit_counts_over_all_samples_of_a_communication_step(monkeypatch):
     with pytest.raises(UserError, match=r"^more than 100 internal steps"):
         Integrator(Fast()).advance(0.0, 1000.0)
     Integrator(Fast()).advance(0.0, 0.1)
+
+
+class Emptying(Component):
+    """x' = -50 max(x, 0): a step much too long ends where nothing moves."""
+
+    x = State("1", rate="rate", start=1.0)
+
+    def rate(self):
+        return -50.0 * maximum(self.x, 0.0)
+
+
+class Falling(Component):
+    """Constant fall that stops at zero."""
+
+    x = State("1", rate="rate", start=1.0)
+
+    def rate(self):
+        return where(self.x > 0.0, -100.0, 0.0)
+
+
+class Swinging(Component):
+    """x' = cos(t): nothing but quadrature."""
+
+    x = State("1", rate="rate")
+
+    def rate(self):
+        return cos(self.time)
+
+
+@pytest.mark.parametrize(
+    ("cls", "step", "exact"),
+    [
+        (Emptying, 0.1, np.exp(-5.0)),
+        (Emptying, 0.02, np.exp(-1.0)),  # one time constant, where Zonneveld's estimate vanishes
+        (Emptying, 3.0, 0.0),
+        (Falling, 0.1, 0.0),
+        (Swinging, 0.4, np.sin(0.4)),
+    ],
+)
+def test_no_step_is_too_long_to_be_noticed(cls, step, exact):
+    model = cls()
+    Integrator(model).advance(0.0, step)
+    assert model.x == pytest.approx(exact, abs=1e-7)

@@ -14,6 +14,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from . import archive, codegen, toolchain
+from .bundle import RUNTIME_MODULES, bundle
 from .component import Component
 from .description import Capabilities, describe
 from .documentation import page
@@ -25,8 +26,9 @@ KIT = Path(__file__).parent
 _FRONT_END = ("lifecycle.c", "access.c", "snapshot.c", "step.c")
 _ENGINES = {"native": ("native.c", "integrate.c"), "python": ("python.c", "library.c")}
 _GENERATED = {"native": ("model.c", "laws.c"), "python": ("model.c",)}
-_LIBRARIES = {"native": ("m",), "python": ()}
-_RUNTIME_MODULES = ("__init__", "component", "declare", "errors", "functions", "integrate", "slave")
+_LIBRARIES = {"native": ("m",), "python": ("dl",)}
+_HEADERS = {"native": ("engine.h", "instance.h", "native.h"), "python": ("engine.h", "instance.h", "python.h")}
+_ALL = "all.c"
 _FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 RUNTIMES = ("python", "native")
@@ -84,7 +86,7 @@ def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
         needs_execution_tool=not native,
         interpolates_inputs=native,
         directional_derivatives=native,
-        sources=_compiled(runtime) if native else (),
+        sources=(_ALL,) if native else (),
     )
     unnamed = _sources(graph, runtime, _NO_GUID)
     guid = _guid(files | unnamed | {"modelDescription.xml": describe(cls, graph, can, version(), _NO_GUID, remark)})
@@ -93,10 +95,6 @@ def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
     if native:
         files |= {f"sources/{name}": text for name, text in sources.items()}
     return Plan(cls.name, runtime, guid, files, sources)
-
-
-def _compiled(runtime: str) -> tuple[str, ...]:
-    return (*_FRONT_END, *_ENGINES[runtime], *_GENERATED[runtime])
 
 
 def build(
@@ -155,10 +153,7 @@ def _binaries(planned: Plan, platforms: Sequence[str], progress: Callable[[str],
         for target in platforms:
             progress(f"{planned.name}: {planned.runtime} for {target}, with {toolchain.find_compiler(target).label}")
             library = toolchain.compile_library(
-                [Path(folder) / name for name in _compiled(planned.runtime)],
-                [Path(folder)],
-                target,
-                libraries=_LIBRARIES[planned.runtime],
+                [Path(folder) / _ALL], [Path(folder)], target, libraries=_LIBRARIES[planned.runtime]
             )
             files[f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"] = library
     return files
@@ -194,14 +189,17 @@ def _guid(files: dict[str, bytes]) -> str:
 
 def _folder(cls: type[Component]) -> Path:
     """Folder of the component, also of one with effects stacked on it."""
-    return Path(sys.modules[cls.__module__].__file__ or "").parent
+    return Path(getattr(sys.modules.get(cls.__module__), "__file__", None) or "").parent
 
 
 def _sources(graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
     """Every C file of the build, and the headers it needs."""
     generated = codegen.native_sources(graph, guid) if runtime == "native" else codegen.python_sources(graph, guid)
-    own = {p.name: p.read_bytes() for p in (KIT / "fmi2").iterdir() if p.suffix == ".h"}
-    own |= {name: (KIT / "fmi2" / name).read_bytes() for name in (*_FRONT_END, *_ENGINES[runtime])}
+    files = (*_HEADERS[runtime], *_FRONT_END, *_ENGINES[runtime])
+    own = {name: (KIT / "fmi2" / name).read_bytes() for name in files}
+    # one translation unit: the compiler sees through the calls between the parts, and a tool has one file to compile
+    parts = (*_FRONT_END, *_ENGINES[runtime], *_GENERATED[runtime])
+    own[_ALL] = "".join(f'#include "{name}"\n' for name in parts).encode()
     own |= {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
     return own | {name: text.encode() for name, text in generated.items()}
 
@@ -256,17 +254,11 @@ def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
 def _python_package(cls: type[Component]) -> dict[str, bytes]:
     """Return what Python needs at run time: the kit's light modules and the component's."""
     base, effects = getattr(cls, "stacked", (cls, ()))
-    files = {f"kit/{name}.py": (KIT / f"{name}.py").read_bytes() for name in _RUNTIME_MODULES}
+    files = {f"kit/{name}.py": (KIT / f"{name}.py").read_bytes() for name in RUNTIME_MODULES}
+    modules, places = bundle((base, *effects))
+    files |= modules
     imports = ["from .kit import stack", "from .kit.slave import Slave"]
-    for used in (base, *effects):
-        package, module = used.__module__.split(".")[-2:]
-        imports.append(f"from .{package}.{module} import {used.__name__}")
-    for ancestor in {
-        c.__module__ for c in cls.__mro__ if c.__module__.startswith("fmus.") and ".kit." not in c.__module__
-    }:
-        package, module = ancestor.split(".")[-2:]
-        for name in ("__init__", module):
-            files[f"{package}/{name}.py"] = (KIT.parent / package / f"{name}.py").read_bytes()
+    imports += [f"from .{place} import {used.__name__}" for used, place in places.items()]
     stacked = ", ".join(c.__name__ for c in (base, *effects))
     model = f"stack({stacked}, name={cls.name!r})" if effects else base.__name__
     entry = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(sorted(imports))

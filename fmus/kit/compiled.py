@@ -35,7 +35,7 @@ class Trajectory:
     Attributes
     ----------
     signals : dict of str to ndarray, shape (n,)
-        Outputs and states by name, SI.
+        Outputs, states and discrete states by name, SI.
     sensitivities : dict of str to ndarray, shape (n, p)
         Their derivatives with respect to the p chosen parameters.
     """
@@ -106,7 +106,8 @@ class CompiledModel:
         n = len(time)
         fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
-        outputs, states = np.empty((n, len(layout.outputs))), np.empty((n, len(layout.states)))
+        outputs = np.empty((n, len(layout.outputs)))
+        states = np.empty((n, len(layout.states) + len(layout.discretes)))
         message = ctypes.create_string_buffer(1024)
         failed = self._simulate(
             n, _pointer(np.ascontiguousarray(time, dtype=float)), _pointer(table), int(linear),
@@ -115,18 +116,17 @@ class CompiledModel:
         )  # fmt: skip
         if failed:
             raise UserError(message.value.decode(errors="replace"))
-        everything = {v.name: outputs[:, i] for i, v in enumerate(layout.outputs)}
-        everything |= {v.name: states[:, i] for i, v in enumerate(layout.states)}
-        plain = [v.name for v in (*self.layout.outputs, *self.layout.states)]
-        return Trajectory(
-            {name: everything[name] for name in plain},
-            {
-                name: np.column_stack([everything[f"d({name})/d({p})"] for p in self.names])
-                if self.names
-                else np.empty((n, 0))
-                for name in plain
-            },
-        )
+        signals: dict[str, Array] = {}
+        sensitivities: dict[str, Array] = {}
+        continuous, discrete = np.split(states, [len(layout.states)], axis=1)
+        own = self.layout
+        for group, rows in ((own.outputs, outputs), (own.states, continuous), (own.discretes, discrete)):
+            # each row holds the values, then their derivatives, parameter by parameter
+            by_parameter = rows.reshape(n, 1 + len(self.names), len(group))
+            for i, variable in enumerate(group):
+                signals[variable.name] = by_parameter[:, 0, i]
+                sensitivities[variable.name] = by_parameter[:, 1:, i]
+        return Trajectory(signals, sensitivities)
 
 
 def _pointer(array: Array) -> object:
@@ -146,9 +146,11 @@ def _load(graph: Graph) -> Any:
         with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
             for name, contents in sources.items():
                 (Path(folder) / name).write_bytes(contents)
-            compiled = [Path(folder) / name for name in ("record.c", "native.c", "integrate.c", "model.c", "laws.c")]
+            parts = ("record.c", "native.c", "integrate.c", "model.c", "laws.c")
+            everything = Path(folder) / "everything.c"  # one translation unit, as in the FMU
+            everything.write_text("".join(f'#include "{name}"\n' for name in parts))
             library = toolchain.compile_library(
-                compiled, [Path(folder), toolchain.fmi_headers()], target, defines=("PPY_RECORD",), libraries=("m",)
+                [everything], [Path(folder), toolchain.fmi_headers()], target, defines=("PPY_RECORD",), libraries=("m",)
             )
         archive.write(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate

@@ -40,7 +40,7 @@ class Component:
 
     name: ClassVar[str] = ""
     experiment: ClassVar[tuple[float, float]] = (100.0, 0.1)
-    tolerance: ClassVar[float] = 1e-9
+    tolerance: ClassVar[float] = 1e-8
     presets: ClassVar[Mapping[str, Preset]] = {}
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]

@@ -1,7 +1,8 @@
 """Internal integration of a component in Python: adaptive Runge-Kutta 4(3) and exact sample instants.
 
 The method, its error estimate and the step control are those of ``fmi2/integrate.c``; see ``docs/decisions`` for why
-this one. Operations and their order are the same, so both round alike. It works on floats and on NumPy arrays (a batch shares one internal step).
+this one. Operations and their order are the same, so both round alike. It works on floats and on NumPy arrays (a batch
+shares one internal step).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from .component import Component
@@ -16,7 +18,8 @@ from .errors import UserError
 
 SMALLEST_STEP = 1e-14
 MOST_STEPS = 1_000_000
-_SAME_INSTANT = 1e-9
+# Times this close are the same instant: hosts round, and late in a simulation more than a share of the period.
+_SAME_INSTANT, _ROUNDING = 1e-9, 1e-15  # relative to the period, and to the time
 
 
 def _unrolled(names: list[str], batch: bool) -> str:
@@ -50,10 +53,17 @@ def _unrolled(names: list[str], batch: bool) -> str:
         body += [f"    m.time = {time}; " + each("m.{s} = " + state), "    " + each(letter + "{i} = r{i}()")]
     worst = "max({})" if len(names) > 1 else "{}"
     body += [
-        "    g = h / 6.0",
-        "    " + each("m.{s} = x{i} + g * (a{i} + 2.0 * b{i} + 2.0 * c{i} + d{i})"),
-        "    g = h / 10.0 / tolerance",
-        "    " + each("e{i} = abs(g * (d{i} - r{i}())) / (n{i} + abs(x{i}))"),
+        "    g = h / 32.0; m.time = t + 0.75 * h",
+        "    " + each("m.{s} = x{i} + g * (5.0 * a{i} + 7.0 * b{i} + 13.0 * c{i} - d{i})"),
+        "    " + each("q{i} = r{i}()"),
+        "    g = h / 6.0; w = h / sqrt(tolerance)",
+        "    " + each("p{i} = b{i} + c{i}; m.{s} = x{i} + g * (a{i} + 2.0 * p{i} + d{i})"),
+        # Zonneveld's estimate vanishes for a decay by one time constant in a step; b - c does not
+        "    g = h / 7.5 / tolerance",
+        "    "
+        + each(
+            "e{i} = (abs(g * (a{i} - 3.0 * (p{i} + d{i}) + 8.0 * q{i})) + abs(w * (b{i} - c{i}))) / (n{i} + abs(x{i}))"
+        ),
         *(["    " + each("e{i} = float(e{i}.max())")] if batch else []),
         # max() alone would drop a NaN that is not its first argument
         f"    error = {worst.format(each('e{i}', ', '))} if {each('e{i}', ' + ')} < inf else inf",
@@ -63,6 +73,18 @@ def _unrolled(names: list[str], batch: bool) -> str:
     lines += ["    try:", *("    " + line for line in body)]
     lines += ["    except ArithmeticError: " + each("m.{s} = x{i}") + "; return inf"]
     return "\n".join(lines)
+
+
+@lru_cache(maxsize=64)
+def _trial(cls: type[Component], batch: bool) -> Callable[..., float] | None:
+    """Compile a trial step, once for all instances of a class; each class its own, for CPython adapts code to types."""
+    names = [state.name for state in cls.layout.states]
+    if not names:
+        return None
+    namespace: dict[str, Any] = {"inf": math.inf, "sqrt": math.sqrt}
+    exec(_unrolled(names, batch), namespace)
+    # a trial step that overflows is rejected, no reason for NumPy to warn
+    return sys.modules["numpy"].errstate(all="ignore")(namespace["step"]) if batch else namespace["step"]
 
 
 class Integrator:
@@ -102,13 +124,8 @@ class Integrator:
         self.start_time = 0.0
         self.tolerance = component.tolerance
         self._budget = MOST_STEPS
-        self._step: Callable[..., float] | None = None
-        if self.names:
-            namespace = {"inf": math.inf}
-            exec(_unrolled(self.names, batch), namespace)
-            step: Any = namespace["step"]
-            # a trial step that overflows is rejected, no reason for NumPy to warn
-            self._step = sys.modules["numpy"].errstate(all="ignore")(step) if batch else step
+        cls: Any = type(component)
+        self._step = _trial(cls, batch)
 
     def advance(self, time: float, step: float) -> None:
         """Advance the component from ``time`` to ``time + step``.
@@ -134,10 +151,11 @@ class Integrator:
             for index, group in enumerate(self.groups):
                 period = self._period(group[0])
                 instant = self.start_time + self.counters[index] * period
-                if instant <= time + _SAME_INSTANT * period:
+                slack = _SAME_INSTANT * period + _ROUNDING * abs(end)
+                if instant <= time + slack:
                     self._sample(time, index)
                     instant = self.start_time + self.counters[index] * period
-                if instant < end - _SAME_INSTANT * period:
+                if instant < end - slack:
                     target = min(target, instant)
             target = max(target, time)
             self._budget -= 1 + (self._integrate(time, target) if target > time else 0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from .component import Component
@@ -17,8 +18,12 @@ from .integrate import Integrator
 _HINT, _START_TIME, _TOLERANCE, _PARAMETERS_CHANGED, _COUNTERS = range(5)  # internals, in the order of fmi2/engine.h
 
 
-def _transfer(statements: list[str]) -> Callable[[Component, Any], None]:
-    """Compile assignments between component ``m`` and memory ``y``: a loop would take twice as long."""
+@cache
+def _transfer(*statements: str) -> Callable[[Component, Any], None]:
+    """Compile assignments between component ``m`` and memory ``y``: a loop would take twice as long.
+
+    Once for all instances, because compiling is most of what it takes to create one.
+    """
     namespace: dict[str, Any] = {}
     exec("def transfer(m, y):\n    " + ("; ".join(statements) or "pass"), namespace)
     return namespace["transfer"]
@@ -46,9 +51,9 @@ class Slave:
             f"m.{v.name} = y[{i}]" + (" != 0.0" if v.type == "boolean" else "") for i, v in enumerate(layout.variables)
         ]
         store = [f"y[{i}] = m.{v.name}" for i, v in enumerate(layout.variables)]
-        self._load_parameters = _transfer(load[:first_input])
-        self._load = _transfer(load[first_input:first_output])
-        self._store = _transfer(store[first_state:first_output])
+        self._load_parameters = _transfer(*load[:first_input])
+        self._load = _transfer(*load[first_input:first_output])
+        self._store = _transfer(*store[first_state:first_output])
         self._first_output = first_output
         self._internals = len(layout.names)
         self.memory = memory

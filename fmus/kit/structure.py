@@ -49,4 +49,8 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
     for first, vector in vectors.items():
         at_start = ca.substitute([vector], [graph.states, graph.discretes], list(graph.start))[0]
         initial |= shifted(first, graph.depends(at_start, given), 0)
+    # FMI counts every continuous state among the initial unknowns, but a discrete one only if it is an output.
+    for i, discrete in enumerate(layout.discretes):
+        if not discrete.output:
+            del initial[first_discrete + i]
     return {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": initial}

@@ -24,6 +24,7 @@ from fmus.kit.errors import UserError
 Array = NDArray[np.float64]
 _PASSES = 3  # of weighting every output by the residual it leaves; the weights hardly move after the second
 _MOST_ORDER = 4  # of the noise model
+_VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
 
 
@@ -77,7 +78,8 @@ class _Scale:
     size: float
 
     def value(self, q: float) -> float:
-        return float(np.exp(q)) if self.logarithmic else float(q * self.size)
+        with np.errstate(over="ignore"):  # the end of an interval may lie beyond every number
+            return float(np.exp(q)) if self.logarithmic else float(q * self.size)
 
     def position(self, value: float) -> float:
         if self.logarithmic:
@@ -214,38 +216,43 @@ def _scale(declaration: Any, value: float) -> _Scale:
 def _intervals(problem: _Problem, q: Array) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """95 % intervals, and a sentence for parameters that the record does not determine."""
     error, jacobian = problem.evaluate(q)
-    spread, blind = _standard_errors(error, jacobian, problem.weight)
+    spread, silent, tangled = _standard_errors(error, jacobian, problem.weight)
+    blind = silent | tangled
     half = float(norm.ppf(0.975)) * spread
     ends: dict[str, tuple[float, float]] = {}
     for i, (name, scale) in enumerate(zip(problem.names, problem.scales, strict=True)):
         open_end = 0.0 if scale.logarithmic else -np.inf
         ends[name] = (open_end, np.inf) if i in blind else (scale.value(q[i] - half[i]), scale.value(q[i] + half[i]))
-    if not blind:
-        return ends, []
-    names = ", ".join(problem.names[i] for i in blind)
-    return ends, [f"this record does not determine {names}" + (" separately" if len(blind) > 1 else "")]
+    vague = {i for i, s in enumerate(problem.scales) if s.logarithmic and half[i] > _VAGUE} - blind
+    sentences = [
+        (silent, "this record does not determine {}"),
+        (tangled, "this record does not determine {} separately"),
+        (vague, "this record hardly determines {}: the interval spans more than a factor of 100"),
+    ]
+    return ends, [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
 
 
 def _standard_errors(
     error: Mapping[str, Array], jacobian: Mapping[str, Array], weight: Mapping[str, float]
-) -> tuple[Array, list[int]]:
+) -> tuple[Array, set[int], set[int]]:
     """Sandwich covariance: curvature, and between its halves the colour of the residuals.
 
     Each output's residual is taken as an autoregression e = H w; the scores J'e then have covariance J' H H' J var(w),
-    and H' J is J filtered backwards in time (Ljung, section 9.4). Also returns which parameters are undetermined.
+    and H' J is J filtered backwards in time (Ljung, section 9.4). Also returns which parameters change nothing that was
+    measured, and which change it only in ways in which others do, too.
     """
     bread = np.sum([weight[o] ** 2 * j.T @ j for o, j in jacobian.items()], axis=0)
     scale = np.sqrt(np.diag(bread))
     seen = np.flatnonzero(scale > 0.0)
     spread = np.full(len(scale), np.inf)
-    blind = set(np.flatnonzero(scale == 0.0).tolist())
+    silent = set(np.flatnonzero(scale == 0.0).tolist())
     if len(seen) == 0:
-        return spread, sorted(blind)
+        return spread, silent, set()
     normalised = bread[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
     eigenvalues, vectors = np.linalg.eigh(normalised)
     # a direction in which the cost is flat to rounding: every parameter that takes part in it is undetermined
     flat = np.abs(vectors[:, eigenvalues < _FLAT * eigenvalues[-1]]).max(axis=1, initial=0.0)
-    blind |= set(seen[flat > 1e-2].tolist())
+    tangled = set(seen[flat > 1e-2].tolist())
     inverse = np.linalg.pinv(normalised, rcond=_FLAT, hermitian=True) / np.outer(scale[seen], scale[seen])
     meat = np.zeros_like(inverse)
     for o, j in jacobian.items():
@@ -253,7 +260,7 @@ def _standard_errors(
         filtered = lfilter([1.0], np.concatenate([[1.0], -coefficients]), j[::-1][:, seen], axis=0)
         meat += weight[o] ** 4 * variance * filtered.T @ filtered
     spread[seen] = np.sqrt(np.diag(inverse @ meat @ inverse))
-    return spread, sorted(blind)
+    return spread, silent, tangled
 
 
 def autoregression(values: Array, most: int = _MOST_ORDER) -> tuple[Array, float]:

@@ -1,11 +1,14 @@
 """Writing a record in the same CSV form that is read."""
 
 import csv
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from fmus.kit import archive
 
 
 def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayLike], units: Mapping[str, str]) -> None:
@@ -16,7 +19,7 @@ def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayL
     Parameters
     ----------
     path : str or Path
-        The file; overwritten if there is one.
+        The file; one that exists is replaced, whole or not at all.
     time : array_like, shape (n,)
         Seconds, finite and strictly increasing.
     signals : mapping of str to array_like, shape (n,)
@@ -28,6 +31,8 @@ def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayL
     ------
     ValueError
         If shapes differ, time is not finite and strictly increasing, or a name or a unit cannot stand in a header.
+    UserError
+        If the file cannot be written.
     """
     clock = np.asarray(time, dtype=float)
     if clock.ndim != 1 or not np.all(np.isfinite(clock)) or not np.all(np.diff(clock) > 0):
@@ -48,7 +53,8 @@ def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayL
         header.append(f"{name} [{unit}]")
         columns.append(array)
     lists = [column.tolist() for column in columns]
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(["" if value != value else repr(value) for value in row] for row in zip(*lists, strict=True))
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(["" if value != value else repr(value) for value in row] for row in zip(*lists, strict=True))
+    archive.write(Path(path), text.getvalue().encode())

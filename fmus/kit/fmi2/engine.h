@@ -41,6 +41,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "model.h"
 
@@ -118,5 +119,16 @@ bool engine_advance(Engine *engine, double time, double step, Message message);
 
 /* `seed` is a direction [parameters | inputs | states | discretes], `result` takes [derivatives | outputs]. */
 bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message);
+
+/* ---- common ------------------------------------------------------------------------------------ */
+
+/* FNV-1a; start with HASH_START, or with the hash of what came before. */
+#define HASH_START UINT64_C(14695981039346656037)
+static inline uint64_t hash(uint64_t value, const void *data, size_t size) {
+    const unsigned char *bytes = data;
+    for (size_t i = 0; i < size; i++)
+        value = (value ^ bytes[i]) * UINT64_C(1099511628211);
+    return value;
+}
 
 #endif

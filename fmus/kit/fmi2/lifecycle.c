@@ -198,11 +198,12 @@ static bool parameters_valid(const Instance *instance) {
     bool valid = true;
     for (int i = FIRST_PARAMETER; i < FIRST_INPUT; i++) {
         const Variable *v = &model_variables[i];
-        const char *unit = strcmp(v->unit, "1") == 0 ? "" : v->unit;
+        bool plain = strcmp(v->unit, "1") == 0; /* a number without a unit */
+        const char *gap = plain ? "" : " ", *unit = plain ? "" : v->unit;
         if (memory[i] >= v->minimum && memory[i] <= v->maximum)
             continue;
-        report(instance, fmi2Error, "parameter '%s' = %.10g %s is outside its range [%.10g, %.10g] %s", v->name,
-               memory[i], unit, v->minimum, v->maximum, unit);
+        report(instance, fmi2Error, "parameter '%s' = %.10g%s%s is outside its range [%.10g, %.10g]%s%s", v->name,
+               memory[i], gap, unit, v->minimum, v->maximum, gap, unit);
         valid = false;
     }
     for (int i = 0; i < MODEL_GROUPS; i++) {

@@ -136,19 +136,13 @@ static bool enter(const Engine *engine, const char *name, PyObject *object) {
     return good;
 }
 
-static uint64_t hash(uint64_t value, const char *text) { /* FNV-1a */
-    for (; *text != '\0'; text++)
-        value = (value ^ (unsigned char)*text) * UINT64_C(1099511628211);
-    return value;
-}
-
 /* With Python's lock held: imports the package and creates the component. */
 static bool create(Engine *engine, double *memory, const char *path, Message message) {
     const Python *python = &engine->python;
     PyObject *builtins = python->PyEval_GetBuiltins();
     char name[40];
     snprintf(name, sizeof name, "_ppy_fmu_%016llx",
-             (unsigned long long)hash(hash(UINT64_C(14695981039346656037), path), model_guid));
+             (unsigned long long)hash(hash(HASH_START, path, strlen(path)), model_guid, strlen(model_guid)));
     engine->none = python->Py_BuildValue("");
     engine->names = python->PyDict_New();
     if (engine->names == NULL || builtins == NULL ||

@@ -7,6 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
+enum { REMEMBERED = MODEL_STATES + MODEL_DISCRETES };
+
 EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, int linear, const double *parameters,
                         const double *initial_states, double tolerance, double *outputs_at, double *states_at,
                         char *message, size_t message_size);
@@ -59,14 +61,14 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
         }
         memcpy(outputs_at + k * MODEL_OUTPUTS, memory + FIRST_OUTPUT, MODEL_OUTPUTS * sizeof(double));
         if (states_at != NULL)
-            memcpy(states_at + k * MODEL_STATES, memory + FIRST_STATE, MODEL_STATES * sizeof(double));
+            memcpy(states_at + k * REMEMBERED, memory + FIRST_STATE, REMEMBERED * sizeof(double));
         if (k + 1 < n && !step(engine, time, inputs, k, linear, message))
             return false;
     }
     return true;
 }
 
-/* `inputs` is n x MODEL_INPUTS, `outputs_at` n x MODEL_OUTPUTS, `states_at` n x MODEL_STATES or NULL, row by row. Row k
+/* `inputs` is n x MODEL_INPUTS, `outputs_at` n x MODEL_OUTPUTS, `states_at` n x (states, then discretes) or NULL, row by row. Row k
    of the latter two belongs to time[k] with the inputs of row k. Inputs are held over each interval, or interpolated
    when `linear` is set. Without `initial_states` the states start at their start parameters, as discretes always do.
    Returns 0, or 1 with a message. */

@@ -16,23 +16,15 @@ typedef struct {
 
 static const uint64_t snapshot_magic = UINT64_C(0x5050592d464d5532);
 
-static uint64_t hash(const void *data, size_t size) { /* FNV-1a */
-    const unsigned char *byte = data;
-    uint64_t value = UINT64_C(14695981039346656037);
-    for (size_t i = 0; i < size; i++)
-        value = (value ^ byte[i]) * UINT64_C(1099511628211);
-    return value;
-}
-
 static Snapshot header(const State *state) {
     Snapshot snapshot;
     snapshot.magic = snapshot_magic;
-    snapshot.model = hash(model_guid, strlen(model_guid));
+    snapshot.model = hash(HASH_START, model_guid, strlen(model_guid));
     snapshot.size = sizeof snapshot;
     snapshot.state = *state;
     /* Whatever the engine remembers of the parameters must be renewed after a restore. */
     snapshot.state.memory[MEMORY_PARAMETERS_CHANGED] = 1.0;
-    snapshot.checksum = hash(&snapshot.state, sizeof snapshot.state);
+    snapshot.checksum = hash(HASH_START, &snapshot.state, sizeof snapshot.state);
     return snapshot;
 }
 
@@ -69,7 +61,7 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
         return fmi2Error;
     if (state == NULL)
         return missing(instance, "fmi2SetFMUstate");
-    if (snapshot->magic != snapshot_magic || snapshot->model != hash(model_guid, strlen(model_guid)))
+    if (snapshot->magic != snapshot_magic || snapshot->model != hash(HASH_START, model_guid, strlen(model_guid)))
         return report(instance, fmi2Error, "fmi2SetFMUstate: the state does not belong to this build of %s",
                       model_name);
     instance->now = snapshot->state;

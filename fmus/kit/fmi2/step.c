@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-static bool finite(const Instance *instance, int first, int end) {
+static bool all_finite(const Instance *instance, int first, int end) {
     for (int i = first; i < end; i++)
         if (!isfinite(instance->now.memory[i])) {
             report(instance, fmi2Error, "'%s' is not a finite number at t = %.10g s", model_variables[i].name,
@@ -18,24 +18,26 @@ static fmi2Status evaluation_failed(const Instance *instance, const char *messag
 }
 
 fmi2Status refresh_outputs(Instance *instance) {
-    Message message = "";
+    Message message;
+    message[0] = 0; /* not = "", which would clear all of it at every step */
     if (instance->now.outputs_outdated == 0.0)
         return fmi2OK;
     if (!engine_evaluate(instance->engine, instance->now.time, message))
         return evaluation_failed(instance, message);
-    if (!finite(instance, FIRST_OUTPUT, FIRST_DERIVATIVE))
+    if (!all_finite(instance, FIRST_OUTPUT, FIRST_DERIVATIVE))
         return fmi2Error;
     instance->now.outputs_outdated = 0.0;
     return fmi2OK;
 }
 
 fmi2Status refresh_derivatives(Instance *instance) {
-    Message message = "";
+    Message message;
+    message[0] = 0;
     if (instance->now.derivatives_outdated == 0.0)
         return fmi2OK;
     if (!engine_differentiate(instance->engine, instance->now.time, message))
         return evaluation_failed(instance, message);
-    if (!finite(instance, FIRST_DERIVATIVE, MODEL_VARIABLES))
+    if (!all_finite(instance, FIRST_DERIVATIVE, MODEL_VARIABLES))
         return fmi2Error;
     instance->now.derivatives_outdated = 0.0;
     return fmi2OK;
@@ -69,7 +71,8 @@ static void follow_slopes(double *memory, double step) {
 
 EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state) {
     Instance *instance = c;
-    Message message = "";
+    Message message;
+    message[0] = 0;
     (void)no_set_state;
     if (!allowed(instance, STEP_COMPLETE, "fmi2DoStep") || !step_valid(instance, time, step))
         return fmi2Error;
@@ -81,7 +84,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2
     instance->now.time = time + step;
     follow_slopes(instance->now.memory, step);
     touch(instance, false);
-    if (!finite(instance, FIRST_INPUT, FIRST_OUTPUT) || refresh_outputs(instance) != fmi2OK)
+    if (!all_finite(instance, FIRST_INPUT, FIRST_OUTPUT) || refresh_outputs(instance) != fmi2OK)
         return fail(instance);
     return fmi2OK;
 }

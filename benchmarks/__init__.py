@@ -1,0 +1,1 @@
+"""Speed of the parts that matter, as ratios measured in one run: ``python -m benchmarks``."""

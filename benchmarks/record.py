@@ -1,0 +1,154 @@
+"""A whole record in one call: the compiled model against the same arithmetic by hand and in CasADi's VM."""
+
+from __future__ import annotations
+
+import ctypes
+import tempfile
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus import component
+from fmus.kit.compiled import CompiledModel, Trajectory
+from fmus.kit.trace import trace
+from orchestration import stimuli
+
+from . import c_code
+from .tables import Cell, Table, Topic
+from .timing import Times, take_turns
+
+Array = NDArray[np.float64]
+PARAMETERS = ("R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2")
+OUTPUTS = ("voltage", "electrochemical_displacement", "mechanical_displacement", "displacement")
+STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
+BARE, PLAIN, SENSITIVE, MACHINE = "bare loop in C", "compiled model", "with 8 sensitivities", "CasADi's VM"
+_STEP = 0.1  # s
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+def measure(quick: bool = False) -> Topic:
+    """Time all of them on one record, and the compiled model on records of growing length."""
+    samples, rounds = (600, 2) if quick else (180_000, 15)
+    lengths = (600, 1200, 2400) if quick else (6_000, 60_000, 600_000)
+    model = CompiledModel(component("ppy_actuator"))
+    with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
+        library = ctypes.CDLL(str(c_code.library("record.c", folder)))
+        library.bare_record.restype = ctypes.c_long
+        actions, tried = _actions(model, samples, library)
+        times = take_turns(actions, rounds)
+    growing = take_turns({str(n): _simulation(model, n) for n in lengths}, rounds)
+    return Topic(
+        f"Simulation of {samples:,} samples",
+        [
+            "`ppy_actuator` over a record at 10 Hz: square waves of current, staircases of load. The loop in C does "
+            "the same arithmetic with the same step control, written by hand for this one model, and is called in the "
+            f"same way from Python; it tries {tried / samples:.2f} internal steps per sample. CasADi's VM takes one "
+            "step per sample, without error estimate and with the parameters as constants: less work. The signals of "
+            f"all agree with the compiled model's to {AGREEMENT[MACHINE]:g} of the largest value, those of the loop in "
+            f"C to {AGREEMENT[BARE]:g}. Eight sensitivities by differences would take nine runs.",
+            _against(times, samples),
+            "Cost of longer records:",
+            _growth(growing, lengths),
+            f"Time grows as the number of samples to the power {exponent(growing, lengths):.3f}.",
+        ],
+    )
+
+
+def exponent(times: Times, lengths: tuple[int, ...]) -> float:
+    """Exponent of the power law through the shortest times, by least squares in logarithms."""
+    return float(np.polyfit(np.log(lengths), np.log([times.best(str(n)) for n in lengths]), 1)[0])
+
+
+def _against(times: Times, samples: int) -> Table:
+    rows: list[list[Cell]] = [
+        [name, times.best(name) * 1e3, times.best(name) / samples * 1e9, times.ratio_of_best(name, BARE),
+         times.median_ratio(name, BARE), times.median_ratio(name, PLAIN)]
+        for name in times.seconds
+    ]  # fmt: skip
+    columns = ["", "best, ms", "per sample, ns", f"of the {BARE}, best", "the same, median", f"of the {PLAIN}, median"]
+    return Table(columns, rows)
+
+
+def _growth(times: Times, lengths: tuple[int, ...]) -> Table:
+    rows: list[list[Cell]] = [[n, times.best(str(n)) * 1e3, times.best(str(n)) / n * 1e9] for n in lengths]
+    return Table(["samples", "best, ms", "per sample, ns"], rows)
+
+
+# --- what is timed --------------------------------------------------------------------------------------------------
+
+# Largest difference from the compiled model, relative to the largest value of a signal. Other internal steps, because
+# the sensitivities have a say in them, make other errors.
+AGREEMENT = {BARE: 1e-12, SENSITIVE: 1e-9, MACHINE: 1e-9}
+
+
+def _record(n: int) -> tuple[Array, dict[str, Array]]:
+    time: Array = _STEP * np.arange(n, dtype=float)
+    current = stimuli.square_wave(time, 0.6, 0.01)
+    return time, {"current": current, "force": stimuli.force_staircase(time, 200.0)}
+
+
+def _simulation(model: CompiledModel, n: int) -> Callable[[], Trajectory]:
+    time, inputs = _record(n)
+    return lambda: model.run(time, inputs)
+
+
+def _actions(model: CompiledModel, n: int, library: ctypes.CDLL) -> tuple[dict[str, Callable[[], object]], int]:
+    """What to time, after a look at the results; and how many internal steps the record takes."""
+    sensitive = CompiledModel(component("ppy_actuator"), PARAMETERS)
+    bare, machine = _bare(library, n), _machine(n)
+    signals, tried = bare()
+    expected = model.run(*_record(n)).signals
+    for name, result in ((BARE, signals), (MACHINE, machine()), (SENSITIVE, sensitive.run(*_record(n)).signals)):
+        for signal, values in expected.items():
+            error = np.max(np.abs(result[signal] - values)) / np.max(np.abs(values))
+            if not error <= AGREEMENT[name]:
+                raise RuntimeError(f"{name}: {signal} differs by {error:g} of its largest value")
+    actions = {BARE: bare, PLAIN: _simulation(model, n), SENSITIVE: _simulation(sensitive, n), MACHINE: machine}
+    return actions, tried
+
+
+def _bare(library: ctypes.CDLL, n: int) -> Callable[[], tuple[dict[str, Array], int]]:
+    """Call ``c/record.c`` as the compiled model is called: inputs gathered and results allocated each time."""
+    time, inputs = _record(n)
+    cls = component("ppy_actuator")
+    start = {p.name: float(p.start) for p in cls.layout.parameters}
+
+    def run() -> tuple[dict[str, Array], int]:
+        table = np.ascontiguousarray(np.column_stack([inputs["current"], inputs["force"]]))
+        outputs, states = np.empty((n, len(OUTPUTS))), np.empty((n, len(STATES)))
+        values = np.array([start[name] for name in PARAMETERS])
+        pointers = [a.ctypes.data_as(_DOUBLES) for a in (time, table, values, outputs, states)]
+        tolerance = ctypes.c_double(cls.tolerance)
+        tried = library.bare_record(ctypes.c_size_t(n), *pointers[:3], tolerance, *pointers[3:])
+        signals = {name: outputs[:, i] for i, name in enumerate(OUTPUTS)}
+        return signals | {name: states[:, i] for i, name in enumerate(STATES)}, tried
+
+    return run
+
+
+def _machine(n: int) -> Callable[[], dict[str, Array]]:
+    """Map CasADi's interpreter over the record, a step of Runge-Kutta at a time."""
+    graph = trace(component("ppy_actuator"))
+    parameters = ca.DM(graph.point()[0])
+    x, u = graph.states, graph.inputs
+    rates = ca.Function("rates", [x, u], [ca.substitute(graph.rates, graph.parameters, parameters)])
+    k1 = rates(x, u)
+    k2 = rates(x + _STEP / 2 * k1, u)
+    k3 = rates(x + _STEP / 2 * k2, u)
+    k4 = rates(x + _STEP * k3, u)
+    after = x + _STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    outputs = ca.substitute(graph.outputs, graph.parameters, parameters)
+    step = ca.Function("step", [x, u], ca.cse([after, outputs, x]))
+    mapped = step.mapaccum("record", n, 1)
+    _, inputs = _record(n)
+    table = ca.DM(np.vstack([inputs[v.name] for v in graph.layout.inputs]))
+    start = ca.DM(graph.point()[2])
+    names = [v.name for v in (*graph.layout.outputs, *graph.layout.states)]
+
+    def run() -> dict[str, Array]:
+        _, outputs, states = mapped(start, table)
+        return dict(zip(names, [*outputs.full(), *states.full()], strict=True))
+
+    return run

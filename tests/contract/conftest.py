@@ -1,0 +1,54 @@
+"""FMUs for the contract: both components in both builds, and the small models beside them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from fmus.kit.build import build
+from fmus.kit.component import Component
+from fmus.kit.toolchain import host_platform
+from tests.contract.raw import instance
+
+
+@pytest.fixture(autouse=True)
+def _linux_only() -> None:
+    if sys.platform == "win32":
+        pytest.skip("an unzipped FMU cannot be removed while its library is loaded")
+
+
+@pytest.fixture
+def archive(fmu: Callable[[str, str], Path], name: str, runtime: str) -> Path:
+    """Path of each component's FMU in each build."""
+    return fmu(name, runtime)
+
+
+@pytest.fixture
+def one(archive: Path):
+    """A fresh instance of each."""
+    with instance(archive) as created:
+        yield created
+
+
+@pytest.fixture
+def load(name: str) -> str:
+    """Name of the mechanical input of the component."""
+    return {"ppy_actuator": "force", "ppy_actuator_length_driven": "length_change"}[name]
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Callable[[type[Component], str], Path]:
+    """Path of the FMU of a class that is not one of ours, built once a session: ``built(cls, runtime)``."""
+    folder = tmp_path_factory.mktemp("models")
+
+    def path(cls: type[Component], runtime: str) -> Path:
+        file = folder / runtime / f"{cls.name}.fmu"
+        if not file.exists():
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(build(cls, runtime, [host_platform()]))
+        return file
+
+    return path

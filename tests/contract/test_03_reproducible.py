@@ -1,0 +1,99 @@
+"""Line 3: the same sources give the same bytes, other sources another GUID."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import itertools
+import sys
+import zipfile
+
+from fmus import component
+from fmus.kit import build
+from fmus.kit.toolchain import host_platform
+from tests import hosts
+from tests.contract.raw import Instance, Library, unzipped
+
+_count = itertools.count()
+VARIANT = """
+from fmus.kit import Component, Input, Output, Parameter, State
+from {module} import {base}
+
+
+class Variant({base}):
+    \"\"\"A variant.\"\"\"
+
+    name = "variant"
+
+    def capacitor_voltage(self):
+        return {factor} * self.charge / self.C
+"""
+
+
+def digest(name: str, runtime: str) -> str:
+    return hashlib.sha256(build.build(component(name), runtime, [host_platform()])).hexdigest()
+
+
+def variant(folder, name, factor):
+    """A user's model in a file of its own, imported under a name that nothing else has."""
+    base = component(name)
+    folder.mkdir()
+    path = folder / "variant.py"
+    path.write_text(VARIANT.format(module=base.__module__, base=base.__name__, factor=factor))
+    spec = importlib.util.spec_from_file_location(f"_variant_{next(_count)}", path)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.Variant
+
+
+def test_another_process_builds_the_same_bytes(archive, name, runtime, monkeypatch):
+    monkeypatch.setenv("PYTHONHASHSEED", "4711")
+    here = hashlib.sha256(archive.read_bytes()).hexdigest()
+    assert hosts.in_subprocess(digest, name, runtime) == (0, here)
+
+
+def test_guid_follows_the_laws(tmp_path, name, runtime):
+    first, same, other = (
+        build.plan(variant(tmp_path / folder, name, factor), runtime).guid
+        for folder, factor in (("a", "2.0"), ("b", "2.0"), ("c", "2.5"))
+    )
+    assert first == same
+    assert len({first, other, build.plan(component(name), runtime).guid}) == 3
+
+
+def test_guid_follows_default_and_range(name, runtime):
+    base = component(name)
+    guids = set()
+    for change in ({}, {"start": 0.44}, {"max": 2e6}):
+        declaration = base.declared.get("R1") or next(b.declared["R1"] for b in base.__mro__ if "R1" in b.declared)
+        before = {key: getattr(declaration, key) for key in change}
+        try:
+            for key, value in change.items():
+                setattr(declaration, key, value)
+            guids.add(build.plan(base, runtime).guid)
+        finally:
+            for key, value in before.items():
+                setattr(declaration, key, value)
+    assert len(guids) == 3
+
+
+def test_guid_differs_between_builds_of_one_component(name):
+    assert build.plan(component(name), "python").guid != build.plan(component(name), "native").guid
+
+
+def test_library_knows_the_guid_of_the_description(archive):
+    with unzipped(archive) as folder:
+        library = Library(folder)
+        with Instance(library) as right:
+            assert right.component is not None
+        with Instance(library, guid=b"{00000000-0000-0000-0000-000000000000}") as wrong:
+            assert wrong.component is None
+            assert library.guid in wrong.messages[0]
+
+
+def test_no_time_and_no_order_of_this_machine_is_in_the_archive(archive):
+    with zipfile.ZipFile(archive) as opened:
+        entries = opened.infolist()
+    assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
+    names = [entry.filename for entry in entries]
+    assert names == ["modelDescription.xml", *sorted(set(names) - {"modelDescription.xml"})]

@@ -1,0 +1,198 @@
+"""Line 5: the saved state is the whole state; going on from it gives the same bits, wherever it is restored."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+from ctypes import byref
+
+import numpy as np
+import pytest
+
+from fmus import COMPONENTS
+from tests import hosts
+from tests.contract.models import Oscillator, Sampler
+from tests.contract.raw import OK, Instance, Library, doubles, instance, integers, unzipped
+
+STEPS = 60
+
+
+def schedule(library: Library, seed: int, count: int) -> list[tuple[float, dict[str, float]]]:
+    """Random steps and inputs; steps from far below to far above what the integrator takes at once."""
+    rng = np.random.default_rng(seed)
+    inputs = [n for n, causality in library.causality.items() if causality == "input"]
+    sizes = {"length_change": 1e-3, "speed": 30.0, "growth": 0.0}
+    moves = []
+    for _ in range(count):
+        values = {n: float(sizes.get(n, 1.0) * rng.uniform(-1, 1)) for n in inputs}
+        moves.append((float(10 ** rng.uniform(-3, 0.3)), values | ({"enabled": 1.0} if "enabled" in values else {})))
+    return moves
+
+
+def go(one: Instance, moves) -> bytes:
+    """Make the steps; every bit of every variable at every point."""
+    trail = []
+    for size, values in moves:
+        one.set(values)
+        one.step(size)
+        trail += one.everything()
+    return struct.pack(f"{len(trail)}d", *trail)
+
+
+def continuation(one: Instance, state, time: float, moves) -> bytes:
+    one.restore(state)
+    one.time = time
+    return go(one, moves)
+
+
+@pytest.fixture(params=[*COMPONENTS, Sampler, Oscillator], ids=lambda p: p if isinstance(p, str) else p.name)
+def model(request, fmu, built, runtime):
+    """Each component, and models that have discrete states or make the integrator change its step."""
+    return fmu(request.param, runtime) if isinstance(request.param, str) else built(request.param, runtime)
+
+
+def test_going_on_from_a_saved_state_gives_the_same_bits(model):
+    with instance(model) as one:
+        one.initialize()
+        go(one, schedule(one.library, 1, STEPS))
+        moves, state, time = schedule(one.library, 2, STEPS), one.save(), one.time
+        first = go(one, moves)
+        assert continuation(one, state, time, moves) == first
+        assert continuation(one, state, time, moves) == first, "restoring does not use the state up"
+        one.forget(state)
+
+
+def test_a_state_may_be_restored_in_any_mode_and_in_another_instance(model):
+    with unzipped(model) as folder:
+        library = Library(folder)
+        with Instance(library) as one, Instance(library, b"another") as other:
+            one.initialize()
+            go(one, schedule(library, 1, STEPS))
+            moves, state, time = schedule(library, 2, STEPS), one.save(), one.time
+            first = go(one, moves)
+            assert continuation(other, state, time, moves) == first, "into an instance that was never initialized"
+            for spoil in ("fmi2Terminate", "fmi2Reset"):
+                other.do(spoil)
+                assert continuation(other, state, time, moves) == first
+            one.forget(state)
+
+
+def test_restoring_brings_the_parameters_back_too(archive):
+    """An instance that has already calculated with other parameters must not keep anything of them."""
+    with unzipped(archive) as folder:
+        library = Library(folder)
+        with Instance(library) as one, Instance(library, b"another") as other:
+            one.initialize({"R1": 0.5, "k1": 5000.0})
+            other.initialize({"R1": 5.0, "k1": 100.0, "C": 1.0})
+            go(other, schedule(library, 1, STEPS))
+            moves, state = schedule(library, 2, STEPS), one.save()
+            assert continuation(other, state, 0.0, moves) == go(one, moves)
+            one.forget(state)
+
+
+def test_a_snapshot_that_is_reused_holds_the_newer_state(model):
+    with instance(model) as one:
+        one.initialize()
+        state = one.save()
+        address = state.value
+        go(one, schedule(one.library, 1, STEPS))
+        one.do("fmi2GetFMUstate", byref(state))
+        assert state.value == address
+        moves, time = schedule(one.library, 2, STEPS), one.time
+        first = go(one, moves)
+        assert continuation(one, state, time, moves) == first
+        one.forget(state)
+
+
+def resume(fmu: str, block: bytes, time: float, seed: int) -> bytes:
+    """Go on from a serialized state, in the process of a host that was started again."""
+    with instance(fmu) as one:
+        state = one.deserialize(block)
+        trail = continuation(one, state, time, schedule(one.library, seed, STEPS))
+        one.forget(state)
+        return trail
+
+
+def test_a_serialized_state_goes_on_in_another_process(model):
+    with instance(model) as one:
+        one.initialize()
+        go(one, schedule(one.library, 1, STEPS))
+        state, time = one.save(), one.time
+        block = one.serialize(state)
+        assert one.serialize(one.deserialize(block)) == block
+        one.forget(state)
+        expected = go(one, schedule(one.library, 2, STEPS))
+    assert hosts.in_subprocess(resume, str(model), block, time, 2) == (0, expected)
+
+
+def test_equal_states_are_equal_bytes(model):
+    with unzipped(model) as folder:
+        library, blocks = Library(folder), []
+        for _ in range(2):
+            with Instance(library) as one:
+                one.initialize()
+                go(one, schedule(library, 3, STEPS))
+                blocks.append(one.serialize(one.save()))
+    assert blocks[0] == blocks[1]
+
+
+@pytest.mark.parametrize("mode", ["before", "during"])
+def test_state_saved_before_the_simulation_starts(one, load, mode):
+    one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 1, 100.0)
+    one.set({"R1": 0.5, "charge_start": 0.25})
+    if mode == "during":
+        one.do("fmi2EnterInitializationMode")
+    state = one.save()
+    trails = []
+    for change in (None, 0.9):
+        if change is not None:
+            one.restore(state)
+        if mode == "before":
+            one.do("fmi2EnterInitializationMode")
+        one.do("fmi2ExitInitializationMode")
+        one.time = 0.0
+        trails.append(go(one, schedule(one.library, 4, 5)))
+        assert one.call("fmi2DoStep", one.time, 200.0, 1) != OK, "the stop time is part of the state"
+    assert trails[0] == trails[1]
+    one.forget(state)
+
+
+def test_slopes_of_inputs_are_part_of_the_state(fmu, name):
+    with instance(fmu(name, "native")) as one:
+        one.initialize()
+        one.do("fmi2SetRealInputDerivatives", one.references(["current"]), 1, integers(1), doubles(0.7))
+        state, found = one.save(), []
+        for _ in range(2):
+            one.restore(state)
+            one.time = 0.0
+            one.step(0.5)
+            found.append(one.everything())
+        one.restore(state)
+        one.do("fmi2SetRealInputDerivatives", one.references(["current"]), 1, integers(1), doubles(0.0))
+        one.time = 0.0
+        one.step(0.5)
+        found.append(one.everything())
+        one.forget(state)
+    assert found[0] == found[1] != found[2]
+
+
+def test_many_states_can_be_kept_and_mixed(model):
+    with instance(model) as one:
+        one.initialize()
+        kept = []
+        moves = schedule(one.library, 5, 20)
+        for size, values in moves:
+            kept.append((one.save(), one.time))
+            one.set(values)
+            one.step(size)
+            kept[-1] += (one.everything(),)
+        order = np.random.default_rng(0).permutation(len(kept))
+        for k in itertools.chain(order, order[::-1]):
+            state, time, expected = kept[k]
+            one.restore(state)
+            one.time = time
+            one.set(moves[k][1])
+            one.step(moves[k][0])
+            assert one.everything() == expected
+        for state, *_ in kept:
+            one.forget(state)

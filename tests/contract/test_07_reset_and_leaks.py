@@ -1,0 +1,111 @@
+"""Line 7: a reset instance is a fresh one, and nothing leaks."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from fmus import component
+from fmus.kit import stack
+from tests import hosts
+from tests.contract import leaks
+from tests.contract.models import BrokenOutput, Oscillator, Sampler
+from tests.contract.raw import ERROR, Instance, Library, instance, unzipped
+from tests.contract.test_05_state import go, schedule
+
+STEPS = 60
+CYCLES = 10_000
+# Python's allocator settles only after thousands of objects have come and gone.
+WARM_UP = {"native": 2_000, "python": 6_000}
+MEGABYTE = 2**20
+
+
+def run(one: Instance) -> bytes:
+    one.initialize({"R1": 0.5, "charge_start": 0.3})
+    return go(one, schedule(one.library, 7, STEPS))
+
+
+def _initializing(one: Instance) -> None:
+    one.do("fmi2SetupExperiment", 0, 0.0, 5.0, 1, 9.0)
+    one.set({"C": 1.0})
+    one.do("fmi2EnterInitializationMode")
+
+
+def _refused(one: Instance) -> None:
+    _initializing(one)
+    one.set({"C": 0.0})
+    assert one.call("fmi2ExitInitializationMode") == ERROR
+
+
+def _stepping(one: Instance) -> None:
+    one.do("fmi2SetupExperiment", 1, 1e-11, 5.0, 1, 9e9)
+    one.set({"C": 1.0, "k1": 77.0, "current": 0.9})
+    one.do("fmi2EnterInitializationMode")
+    one.do("fmi2ExitInitializationMode")
+    one.time = 5.0
+    go(one, schedule(one.library, 8, STEPS))
+
+
+def _terminated(one: Instance) -> None:
+    _stepping(one)
+    one.do("fmi2Terminate")
+
+
+@pytest.mark.parametrize("spoil", [_initializing, _refused, _stepping, _terminated])
+def test_reset_then_run_is_a_fresh_run(archive, spoil):
+    with unzipped(archive) as folder:
+        library = Library(folder)
+        with Instance(library) as fresh:
+            blank = fresh.serialize(fresh.save())
+            expected = run(fresh)
+        with Instance(library) as one:
+            spoil(one)
+            one.do("fmi2Reset")
+            assert one.serialize(one.save()) == blank
+            assert run(one) == expected
+
+
+@pytest.mark.parametrize("cls", [Sampler, Oscillator])
+def test_reset_of_other_models(built, cls, runtime):
+    with instance(built(cls, runtime)) as one:
+        blank = one.serialize(one.save())
+        trails = []
+        for _ in range(2):
+            one.initialize()
+            trails.append(go(one, schedule(one.library, 7, STEPS)))
+            one.do("fmi2Reset")
+            assert one.serialize(one.save()) == blank
+        assert trails[0] == trails[1]
+
+
+# --- leaks ----------------------------------------------------------------------------------------------------------
+
+
+linux_only = pytest.mark.skipif(sys.platform != "linux", reason="memory is measured on Linux")
+
+
+@linux_only
+def test_creating_and_freeing_leaks_nothing(archive, runtime):
+    returncode, grown = hosts.in_subprocess(leaks.grow_by_creating, str(archive), WARM_UP[runtime], CYCLES)
+    assert returncode == 0, grown
+    # A leak of a single block of memory per instance, or of one Python object, would be more.
+    assert grown < 0.3 * MEGABYTE, f"{grown / CYCLES:.0f} bytes per instance"
+
+
+@linux_only
+def test_a_million_steps_leak_nothing(archive, load):
+    value = {"force": 0.5, "length_change": 1e-3}[load]
+    returncode, answer = hosts.in_subprocess(leaks.grow_by_stepping, str(archive), load, value, 1_000_000)
+    assert returncode == 0, answer
+    grown, time = answer
+    assert time == pytest.approx(10_200.0)
+    assert grown < 0.3 * MEGABYTE, f"{grown} bytes in a million steps"
+
+
+@linux_only
+def test_states_and_errors_leak_nothing(archive, built, name, runtime):
+    broken = built(stack(component(name), BrokenOutput), runtime)
+    returncode, grown = hosts.in_subprocess(leaks.grow_by_everything_else, str(archive), str(broken))
+    assert returncode == 0, grown
+    assert grown < 0.3 * MEGABYTE, f"{grown / 3000:.0f} bytes per cycle"

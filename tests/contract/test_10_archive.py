@@ -1,0 +1,181 @@
+"""Line 10: what an FMU brings along, and the reference result that it reproduces."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import struct
+import zipfile
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import fmus.ppy_actuator
+from fmus import component
+from fmus.kit.toolchain import host_platform
+from tests import hosts
+
+FOLDER = Path(fmus.ppy_actuator.__file__).parent
+REFERENCES = "extra/org.fmi-standard.fmi-ls-ref"
+
+
+@pytest.fixture
+def files(archive) -> dict[str, bytes]:
+    with zipfile.ZipFile(archive) as opened:
+        assert opened.testzip() is None
+        return {name: opened.read(name) for name in opened.namelist()}
+
+
+class Page(HTMLParser):
+    """Text, tags and references of a page."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.words, self.open, self.outside = "", [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.outside += [v for k, v in attributes if k in ("src", "href") and v and not v.startswith("#")]
+        if tag not in ("meta", "br", "img", "hr", "link"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words += data
+
+
+def test_documentation_is_a_page_with_every_variable_and_the_readme(files, name):
+    page = Page(files["documentation/index.html"].decode())
+    assert page.open == [], "every element is closed"
+    for variable in component(name).layout.variables:
+        assert variable.name in page.words
+    readme = FOLDER / "README.md"
+    if readme.exists():
+        for line in readme.read_text().splitlines():
+            if line.startswith("#"):
+                assert line.strip("# ").replace("`", "") in page.words
+    assert not [link for link in page.outside if not link.startswith(("https://", "http://", "mailto:"))]
+
+
+def test_icon_is_a_small_square_picture(files):
+    picture = files["model.png"]
+    assert picture[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = struct.unpack(">II", picture[16:24])
+    assert 100 <= width == height <= 400
+    assert len(picture) < 50_000
+
+
+def test_licences(files):
+    assert "BSD" in files["documentation/licenses/license.txt"].decode()
+    assert len(files["documentation/licenses/third_party.txt"]) > 100
+
+
+def test_what_is_needed_at_run_time_is_told(files, runtime):
+    description = ElementTree.fromstring(files["modelDescription.xml"])
+    needs = description.find("CoSimulation").attrib["needsExecutionTool"]
+    assert needs == {"python": "true", "native": "false"}[runtime]
+    assert ("documentation/externalDependencies.txt" in files) == (runtime == "python")
+    if runtime == "python":
+        assert "Python 3.11" in files["documentation/externalDependencies.txt"].decode()
+
+
+def test_sources_are_with_the_native_build(files, runtime):
+    description = ElementTree.fromstring(files["modelDescription.xml"])
+    listed = [file.attrib["name"] for file in description.iter("File")]
+    there = {name.removeprefix("sources/") for name in files if name.startswith("sources/")}
+    if runtime == "python":
+        assert not listed
+        assert not there
+    else:
+        assert listed == ["all.c"]
+        included = re.findall(r'#include "(.*)"', files["sources/all.c"].decode())
+        assert len(included) >= 8
+        assert {name for name in there if name.endswith(".c")} == {*included, *listed}
+        assert {"model.h", "engine.h", "fmi2Functions.h"} <= there
+
+
+def test_python_package_has_only_what_it_needs(files, runtime):
+    packed = [name for name in files if name.startswith("resources/python/")]
+    if runtime == "native":
+        assert not packed
+        return
+    for name in packed:
+        text = files[name].decode()
+        for library in ("numpy", "casadi", "pint", "fmpy", "markdown_it"):
+            assert f"import {library}" not in text, name
+            assert f"from {library}" not in text, name
+
+
+def test_binary_of_this_platform(files, name):
+    assert [n for n in files if n.startswith(f"binaries/{host_platform()}/{name}.")]
+
+
+def test_presets_are_parameter_files(files):
+    root = ElementTree.fromstring(files["resources/presets/five_layer.ssv"])
+    values = {p.attrib["name"]: float(p[0].attrib["value"]) for p in root.iter() if p.tag.endswith("}Parameter")}
+    assert {k: values[k] for k in ("R1", "R2", "C")} == {"R1": 1.32, "R2": 2.72, "C": 0.46}
+    assert values["k1"] == pytest.approx(6300 * 5 / 12)
+
+
+# --- reference results ----------------------------------------------------------------------------------------------
+
+
+def rows(text: str) -> tuple[list[str], np.ndarray]:
+    header, *body = csv.reader(io.StringIO(text))
+    return header, np.array(body, dtype=float)
+
+
+def options(name: str) -> dict[str, str]:
+    text = (FOLDER / "reference" / f"{name}_ref.opt").read_text()
+    return dict(line.split(",") for line in text.splitlines())
+
+
+def test_cross_check_files_are_beside_the_model(name):
+    given = options(name)
+    assert {"StartTime", "StopTime", "StepSize", "RelTol"} <= set(given)
+    for suffix in ("in", "ref"):
+        header, table = rows((FOLDER / "reference" / f"{name}_{suffix}.csv").read_text())
+        assert header[0] == "time"
+        assert table[0, 0] == float(given["StartTime"])
+        assert table[-1, 0] == float(given["StopTime"])
+        assert np.all(np.diff(table[:, 0]) >= 0.0)
+
+
+def test_layered_standard_files(files, name):
+    manifest = ElementTree.fromstring(files[f"{REFERENCES}/fmi-ls-manifest.xml"])
+    namespace = "{http://fmi-standard.org/fmi-ls-manifest}"
+    assert manifest.attrib[f"{namespace}fmi-ls-name"] == "org.fmi-standard.fmi-ls-ref"
+    assert manifest.attrib[f"{namespace}fmi-ls-version"]
+    assert manifest.attrib[f"{namespace}fmi-ls-description"]
+    (experiment,) = ElementTree.fromstring(files[f"{REFERENCES}/experiments.xml"]).iter("Experiment")
+    assert experiment.attrib["stopTime"] == options(name)["StopTime"]
+    assert experiment.attrib["stepSize"] == options(name)["StepSize"]
+    sources = [e.attrib["source"] for e in experiment]
+    assert sources == [f"{name}_in.csv", f"{name}_ref.csv"]
+    for source in sources:
+        assert files[f"{REFERENCES}/{source}"] == (FOLDER / "reference" / source).read_bytes()
+
+
+def test_fmu_reproduces_the_reference_result(archive, files, name):
+    wanted, expected = rows(files[f"{REFERENCES}/{name}_ref.csv"].decode())
+    fed, stimuli = rows(files[f"{REFERENCES}/{name}_in.csv"].decode())
+    # The last row of a repeated time is the value after a jump.
+    after = np.append(np.diff(expected[:, 0]) > 0.0, True)
+    times = expected[after, 0]
+    jumps = np.append(np.diff(stimuli[:, 0]) > 0.0, True)
+    held = np.searchsorted(stimuli[jumps, 0], times + 1e-9, side="right") - 1
+    inputs = {signal: stimuli[jumps, i][held] for i, signal in enumerate(fed) if i}
+    found = hosts.run_fmpy(archive, times, inputs, wanted[1:])
+    before = np.append(True, np.diff(expected[:, 0]) > 0.0) & ~after
+    left = hosts.run_fmpy(archive, times, inputs, wanted[1:], feedthrough=False)
+    scale = np.abs(expected[:, 1:]).max(axis=0)
+    for i, signal in enumerate(wanted[1:]):
+        assert np.abs(found[signal] - expected[after, i + 1]).max() <= 1e-7 * scale[i], signal
+        at_jumps = np.isin(times, expected[before, 0])
+        assert np.abs(left[signal][at_jumps] - expected[before, i + 1]).max() <= 1e-7 * scale[i], signal

@@ -1,0 +1,149 @@
+"""The benchmarks work: every topic in its tiny form. How fast anything is, no test says."""
+
+import io
+import math
+import zipfile
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import __main__ as command
+from benchmarks import building, importing, machine, record, stepping
+from benchmarks.tables import Table, Topic
+from benchmarks.timing import Times, pooled, take_turns
+
+
+def rows(table: Table) -> dict[str, list[Any]]:
+    """Rows by their first cell; every number in them is finite."""
+    for row in table.rows:
+        assert len(row) == len(table.columns)
+        assert all(math.isfinite(cell) for cell in row if not isinstance(cell, str))
+    return {str(row[0]): list(row[1:]) for row in table.rows}
+
+
+def test_step() -> None:
+    topic = stepping.measure(quick=True)
+    assert len(topic.tables) == 4  # two hosts, two inputs
+    for table in topic.tables:
+        found = rows(table)
+        assert list(found) == [
+            stepping.EMPTY, stepping.YARDSTICK, stepping.NATIVE, stepping.PYTHON, stepping.STOCK,
+        ]  # fmt: skip
+        assert found[stepping.YARDSTICK][-3:] == found[stepping.STOCK][-3:] == [1.0, 1.0, "1 ... 1"]
+        assert all(row[0] > 0.0 for row in found.values())
+    for name, (other, _) in stepping.TARGETS.items():
+        assert f"{name} " in str(topic)
+        assert f" of {other} (target" in str(topic)
+
+
+def test_record() -> None:
+    against, growth = record.measure(quick=True).tables
+    assert list(rows(against)) == [record.BARE, record.PLAIN, record.SENSITIVE, record.MACHINE]
+    lengths = [int(n) for n in rows(growth)]
+    assert lengths == sorted(lengths)
+    assert all(spent > 0.0 for spent, _ in rows(growth).values())
+
+
+def test_record_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(record, "AGREEMENT", record.AGREEMENT | {record.BARE: -1.0})
+    with pytest.raises(RuntimeError, match=r"bare loop in C: \w+ differs by"):
+        record.measure(quick=True)
+
+
+def test_import() -> None:
+    commands, *heaviest = importing.measure(quick=True).tables
+    assert list(rows(commands)) == list(importing.COMMANDS)
+    assert len(heaviest) == len(importing.COMMANDS) - 1
+    for table in heaviest:
+        *packages, everything = [spent for spent, _ in rows(table).values()]
+        assert packages == sorted(packages, reverse=True)
+        assert sum(packages) <= everything * (1 + 1e-9)
+
+
+def test_build() -> None:
+    spent, size = building.measure(quick=True).tables
+    assert next(iter(rows(spent))) == building.NOTHING
+    for runtime, (binary, rest, total) in rows(size).items():
+        compressed, library = (int(word.strip("()").replace(",", "")) for word in binary.split())
+        assert runtime in ("python", "native")
+        assert 0 < compressed < library
+        assert compressed + rest < total  # what is left is the directory of the archive
+
+
+def test_a_platform_without_a_library_is_not_built() -> None:
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr("binaries/linux64/x.so", b"12345")
+        file.writestr("modelDescription.xml", b"123")
+    table = building.sizes({"native": archive.getvalue()}, ["linux64", "win64"])
+    assert table.rows == [["native", "5 (5)", "not built", 3, len(archive.getvalue())]]
+
+
+def test_import_times_are_added_up_by_package() -> None:
+    report = "\n".join(
+        ["import time: self [us] | cumulative | imported package", "import time:       100 |        100 |   a.b",
+         "import time:      1500 |       1600 | a", "import time:        30 |         30 | c"]
+    )  # fmt: skip
+    assert importing.own_times(report) == pytest.approx({"a": 1.6, "c": 0.03})
+
+
+def test_take_turns_rotates_and_warms_up() -> None:
+    called: list[str] = []
+    times = take_turns({name: partial(called.append, name) for name in "abc"}, 2)
+    assert "".join(called) == "abc" + "abc" + "bca"
+    assert {len(seconds) for seconds in times.seconds.values()} == {2}
+
+
+def test_ratios() -> None:
+    times = Times({"a": np.array([2.0, 8.0, 3.0]), "b": np.array([1.0, 2.0, 3.0])})
+    assert times.best("a") == 2.0
+    assert times.median("a") == 3.0
+    assert times.ratio_of_best("a", "b") == 2.0
+    assert times.median_ratio("a", "b") == 2.0  # of 2, 4 and 1
+
+
+def test_pooled_rounds_stay_paired() -> None:
+    parts = [Times({"a": np.array([2.0]), "b": np.array([1.0])}), Times({"a": np.array([9.0, 8.0]), "b": np.ones(2)})]
+    times = pooled(parts)
+    assert times.best("a") == 2.0
+    assert times.median_ratio("a", "b") == 8.0
+
+
+def test_exponent_of_a_power_law() -> None:
+    times = Times({str(n): np.array([3.0 * n**1.25]) for n in (10, 100, 1000)})
+    assert record.exponent(times, (10, 100, 1000)) == pytest.approx(1.25)
+
+
+def test_table_is_aligned_markdown() -> None:
+    table = Table(["name", "count", "time"], [["a", 12345, 0.123456], ["long name", 1, 12345.6]])
+    assert str(table).split("\n") == [
+        "| name      |  count |   time |",
+        "| --------- | -----: | -----: |",
+        "| a         | 12,345 |  0.123 |",
+        "| long name |      1 | 12,346 |",
+    ]
+
+
+def test_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(command, "PAGE", tmp_path / "default.md")
+    topic = Topic("Anything", ["Text.", Table(["x"], [[1.0]])])
+    monkeypatch.setattr(command, "TOPICS", {"any": lambda quick: topic})
+    page = tmp_path / "page.md"
+    command.main(["any", "--out", str(page)])
+    assert page.read_text().startswith("# Benchmarks\n")
+    assert str(machine.describe()) in page.read_text()
+    assert page.read_text().endswith("## Anything\n\nText.\n\n|   x |\n| --: |\n|   1 |\n")
+    assert "## Anything" in capsys.readouterr().out
+    command.main(["--quick"])
+    assert not (tmp_path / "default.md").exists()
+    command.main([])
+    assert (tmp_path / "default.md").read_text() == page.read_text()
+
+
+def test_unknown_topic(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        command.main(["speed"])
+    assert "unknown topic 'speed'; there are: step, record, import, build" in capsys.readouterr().err
