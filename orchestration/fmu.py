@@ -17,10 +17,10 @@ from xml.etree import ElementTree
 import fmpy
 import fmpy.fmi2 as fmi2
 import numpy as np
-from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.fmu_log import MessageLog
 
 Array = NDArray[np.float64]
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -89,8 +89,6 @@ class Fmu:
     description : fmpy.model_description.ModelDescription
     variables : dict
         Scalar variables by name.
-    messages : list of str
-        What the FMU logged, newest last.
     """
 
     def __init__(self, path: Path, parameters: Mapping[str, float] | None = None):
@@ -98,9 +96,14 @@ class Fmu:
         self.parameters = dict(parameters or {})
         self.description = read_description(path)
         self.variables = {v.name: v for v in self.description.modelVariables}
-        self.messages: list[str] = []
+        self._log = MessageLog()
         self._folder: str | None = None
         self._slave: Any = None
+
+    @property
+    def messages(self) -> list[str]:
+        """What the FMU logged, warnings and worse, newest last."""
+        return self._log.messages
 
     @property
     def inputs(self) -> list[str]:
@@ -149,17 +152,7 @@ class Fmu:
             guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.description.modelName,
             modelIdentifier=self.description.coSimulation.modelIdentifier,
         )  # fmt: skip
-        callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(self._log)
-        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmi2.calloc)
-        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmi2.free)
-        addLoggerProxy(ctypes.byref(callbacks))
-        self._callbacks = callbacks  # the FMU keeps a pointer to it
-        self._slave.instantiate(callbacks=callbacks)
-
-    def _log(self, component: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
-        if status not in (fmi2.fmi2OK, fmi2.fmi2Pending):
-            self.messages.append(message.decode(errors="replace"))
+        self._slave.instantiate(callbacks=self._log.callbacks)
 
     def start(self, time: float = 0.0, stop: float | None = None) -> None:
         """Set the parameters and initialize.
@@ -206,7 +199,7 @@ class Fmu:
             raise UserError(f"{self.path.name}: {doing} failed: {self._reason(error)}") from error
 
     def _reason(self, error: Exception) -> str:
-        return "; ".join(self.messages[-3:]) or _first_line(error)
+        return self._log.last(otherwise=_first_line(error))
 
     def run(
         self,
@@ -265,7 +258,7 @@ class Fmu:
             status = step(self._slave.component, now, points[k + 1] - now, 1)
             if status > fmi2.fmi2Warning:
                 label = _STATUS[status] if status < len(_STATUS) else str(status)
-                text = "; ".join(self.messages[-3:]) or "no message"
+                text = self._log.last(otherwise="no message")
                 raise UserError(f"{self.path.name}: step from {now:g} s returned {label}: {text}")
             if k % every == 0:
                 progress(k)
@@ -299,7 +292,7 @@ class Fmu:
                 if verb == "Set":
                     values[:] = [row[p] if kind == "Real" else int(row[p]) for p in positions]
                 if call(self._slave.component, references, len(positions), values) > fmi2.fmi2Warning:
-                    text = "; ".join(self.messages[-3:]) or "no message"
+                    text = self._log.last(otherwise="no message")
                     raise UserError(
                         f"{self.path.name}: {'setting inputs' if verb == 'Set' else 'reading outputs'} failed: {text}"
                     )

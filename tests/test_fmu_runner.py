@@ -1,11 +1,14 @@
 """Claims: any co-simulation FMU runs, its failures are one readable line, and nothing is left behind."""
 
+import gc
 import tempfile
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy import simulate_fmu
+from fmpy.fmi1 import FMICallException
 
 from fmus.kit import UserError
 from fmus.kit.toolchain import host_platform
@@ -172,3 +175,18 @@ def test_settings_are_read_with_their_units(fmu):
     own = find_model("ppy_actuator")
     values = own.settings(["R1=2"], "five_layer")  # a setting goes over the preset
     assert (values["R1"], values["C"]) == (2.0, 0.46)
+
+
+def test_every_instance_hears_its_own_messages_and_fmpy_still_hears_its_own(fmu, capfd):
+    path = fmu("ppy_actuator", "native")
+    with Fmu(path, {"R1": -1.0}) as first, Fmu(path, {"C": -2.0}) as second:
+        for instance in (second, first):
+            with pytest.raises(UserError, match="initialization failed"):
+                instance.start()
+        assert ["'R1' = -1" in m for m in first.messages] == [True]
+        assert ["'C' = -2" in m for m in second.messages] == [True]
+    del first, second, instance
+    gc.collect()
+    with pytest.raises(FMICallException):
+        simulate_fmu(str(path), stop_time=1.0, start_values={"R2": -3.0})
+    assert "'R2' = -3" in capfd.readouterr().out
