@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
+import uuid
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -42,8 +42,8 @@ def write(path: Path, contents: bytes) -> None:
     UserError
         If the folder or the file cannot be written.
     """
-    # beside the target, so that replacing it is one step; of this process, so that two builds do not mix
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
+    # beside the target, so that replacing it is one step; of its own name, so that two writers do not mix
+    temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_bytes(contents)
@@ -52,3 +52,18 @@ def write(path: Path, contents: bytes) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise UserError(f"cannot write {path}: {error.strerror}") from error
+
+
+def write_once(path: Path, contents: bytes) -> None:
+    """Write a file whose name tells its contents; if another process was faster, all is well.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written and is not there.
+    """
+    try:
+        write(path, contents)
+    except UserError:
+        if not path.exists():  # Windows refuses to replace a library that somebody has loaded
+            raise

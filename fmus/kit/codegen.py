@@ -126,4 +126,4 @@ def _generate(functions: list[ca.Function]) -> str:
         generator.add(function)
     with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
         generator.generate(folder + os.sep)
-        return (Path(folder) / "laws.c").read_text()
+        return (Path(folder) / "laws.c").read_text(encoding="utf-8")

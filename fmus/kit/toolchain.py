@@ -29,8 +29,20 @@ _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibil
 
 
 def host_platform() -> str:
-    """FMI 2 name of this machine's platform, e.g. ``linux64``."""
-    return {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}.get(platform.system(), "linux64")
+    """FMI 2.0 name of this machine's platform, e.g. ``linux64``.
+
+    Raises
+    ------
+    UserError
+        If FMI 2.0 has no name for it, or it is not built here.
+    """
+    system, processor = platform.system(), platform.machine().lower()
+    name = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}.get(system)
+    if name is None or (processor not in ("x86_64", "amd64") and not (name == "darwin64" and processor == "arm64")):
+        raise UserError(
+            f"FMUs are built for {', '.join(ZIG_TARGETS)} (x86-64; macOS also arm64), not for {system} {processor}"
+        )
+    return name
 
 
 def fmi_headers() -> Path:
@@ -100,7 +112,6 @@ def compile_library(
     include: Sequence[Path],
     target: str,
     *,
-    defines: Sequence[str] = (),
     libraries: Sequence[str] = (),
 ) -> bytes:
     """Compile C sources into a shared library.
@@ -113,8 +124,6 @@ def compile_library(
         Header folders.
     target : str
         FMI 2 platform.
-    defines : sequence of str
-        Preprocessor definitions.
     libraries : sequence of str
         Names for ``-l``, used where the platform is not Windows.
 
@@ -134,7 +143,7 @@ def compile_library(
         with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
             output = Path(folder) / f"library{EXTENSIONS[target]}"
             command = [*compiler.command, *(("-target", zig_target) if zig_target else ()), *_FLAGS]
-            command += [f"-D{define}" for define in defines] + [f"-I{folder}" for folder in include]
+            command += [f"-I{folder}" for folder in include]
             command += [*map(str, sources), "-o", str(output)]
             command += [f"-l{library}" for library in libraries] if target != "win64" else []
             if target == "darwin64":

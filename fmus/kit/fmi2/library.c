@@ -48,7 +48,7 @@ static const char *const on_disk[] = {"libpython3.%d.so.1.0", NULL};
 #endif
 #endif
 
-enum { NEWEST_MINOR = 19, OLDEST_MINOR = 9 };
+enum { NEWEST_MINOR = 19, OLDEST_MINOR = 11 };
 
 /* True when the library has all functions; those before `missing` are set in any case. */
 static bool resolve(Python *python, Library library, const char **missing) {

@@ -73,11 +73,11 @@ def main() -> None:
         inputs, outputs = solve(*matrices, scale)
         for suffix, header, rows in (("in", HEADER[name][0], inputs), ("ref", HEADER[name][1], outputs)):
             text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
-            (Path(__file__).parent / f"{name}_{suffix}.csv").write_text(text + "\n")
+            (Path(__file__).parent / f"{name}_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
         options = {"StartTime": 0, "StopTime": STOP, "StepSize": STEP, "RelTol": 1e-7, "AbsTol": 1e-9,
                    "SolverType": "matrix exponential", "OutputIntervalLength": STEP}  # fmt: skip
         lines = "\n".join(f"{key},{value}" for key, value in options.items())
-        (Path(__file__).parent / f"{name}_ref.opt").write_text(lines + "\n")
+        (Path(__file__).parent / f"{name}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
