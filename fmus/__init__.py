@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
-import importlib
+import importlib.util
 from typing import TYPE_CHECKING
 
-from .kit.errors import UserError
+from .kit.errors import UserError, suggestion
 
 if TYPE_CHECKING:
-    from .kit import Component
+    from .kit import Component, Effect
 
 # name of the FMU -> module and class; strings, so that listing them imports nothing
 COMPONENTS = {
@@ -27,8 +26,18 @@ def component(name: str) -> type[Component]:
         If there is none of that name.
     """
     if name not in COMPONENTS:
-        near = difflib.get_close_matches(name, COMPONENTS, 1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise UserError(f"no component named {name!r}{hint} (there are {', '.join(COMPONENTS)})")
+        raise UserError(f"no component named {name!r}{suggestion(name, COMPONENTS)}")
     module, cls = COMPONENTS[name].split(":")
     return getattr(importlib.import_module(f"{__name__}.{module}"), cls)
+
+
+def effects(name: str) -> dict[str, type[Effect]]:
+    """Known ways a component is wrong: ``EFFECTS`` of its package's module ``effects``, by id; empty without one.
+
+    Raises
+    ------
+    UserError
+        If there is no component of that name.
+    """
+    module = component(name).__module__.rpartition(".")[0] + ".effects"
+    return importlib.import_module(module).EFFECTS if importlib.util.find_spec(module) else {}

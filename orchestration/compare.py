@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import archive, units
-from fmus.kit.errors import UserError
+from fmus.kit import Component, archive, units
+from fmus.kit.documentation import unit_of_differences
+from fmus.kit.errors import UserError, suggestion
 from orchestration.identify.grey_box import Fit, fit
 from orchestration.identify.residuals import Whiteness, fit_percent, rms, whiteness
 from orchestration.models import Model
@@ -122,18 +123,17 @@ def compare(
         If the FMU fails, or a fit is asked of a model whose equations are not ours.
     """
     given = dict(parameters or {})
-    _check_names(model, names)
+    cls = _equations(model, names)
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {model.path.name} over {record.time.size} samples")
     before = _judge(model, record.time, inputs, measured, given)
-    if not names:
+    if cls is None:
         return Comparison(model, record, given, before, None, None)
-    assert model.cls is not None
     constant = {name: np.full(record.time.size, value) for name, value in given.items() if name in model.inputs}
     fixed = {name: value for name, value in given.items() if name in model.parameters}
     result = fit(
-        model.cls, record.time, constant | inputs, measured, names, fixed,
+        cls, record.time, constant | inputs, measured, names, fixed,
         lambda n, cost: progress(f"fitting {', '.join(names)}: {n} simulations"),
     )  # fmt: skip
     progress("simulating with the fitted parameters")
@@ -142,19 +142,20 @@ def compare(
     )
 
 
-def _check_names(model: Model, names: Sequence[str]) -> None:
-    """Refuse, before any work is done, to fit what cannot be fitted."""
-    if names and model.cls is None:
+def _equations(model: Model, names: Sequence[str]) -> type[Component] | None:
+    """Return the class to fit, None without names; refuse, before any work is done, what cannot be fitted."""
+    if not names:
+        return None
+    if model.cls is None:
         raise UserError(
             f"--fit needs the equations; {model.name} is an FMU without them (fit one of ours: see ppy list)"
         )
     for k, name in enumerate(names):
         if name not in model.parameters:
-            from orchestration.fmu import suggestion
-
             raise UserError(f"--fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
         if name in names[:k]:
             raise UserError(f"--fit: {name} is named twice in {','.join(names)}")
+    return model.cls
 
 
 def _judge(
@@ -247,6 +248,7 @@ def plot(comparison: Comparison, path: Path) -> None:
     figure, axes = pictures.panels(2 * len(comparison.before), f"{comparison.record.source.name} against {model.name}")
     for k, (name, before) in enumerate(comparison.before.items()):
         unit, display = model.outputs[name].unit, model.outputs[name].display
+        difference = unit_of_differences(model.outputs[name])
         over, rest = axes[2 * k], axes[2 * k + 1]
         over.plot(
             time, units.convert(before.measured, unit, display), color=pictures.MEASURED, lw=2.5, label="measured"
@@ -259,9 +261,9 @@ def plot(comparison: Comparison, path: Path) -> None:
         # what the fit leaves would vanish beside a much larger error before it
         shown = runs[-1:] if runs[0][0].rms > _MUCH_LARGER * runs[-1][0].rms else runs
         for judged, colour, _ in shown:
-            rest.plot(time, units.convert(judged.residual, unit, display), color=colour)
+            rest.plot(time, units.convert(judged.residual, unit, difference), color=colour)
         over.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
         pictures.label(over, name, display)
-        pictures.label(rest, "residual" if len(shown) == len(runs) else "residual (fitted)", display)
+        pictures.label(rest, "residual" if len(shown) == len(runs) else "residual (fitted)", difference)
     pictures.logarithmic(axes, time)
     pictures.save(figure, path)

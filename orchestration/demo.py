@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmus import COMPONENTS, component
-from fmus.kit import archive
+from fmus.kit import archive, units
 from fmus.kit.build import RUNTIMES, build
+from fmus.kit.documentation import shown, shown_difference
 from fmus.kit.toolchain import host_platform
 from orchestration import compare as comparing
 from orchestration import screen, simulate, stimuli
@@ -21,6 +22,7 @@ from orchestration.report import Page
 from orchestration.rig.emulator import EmulatedRig, RigParameters
 
 Array = NDArray[np.float64]
+_MODEL = "ppy_actuator"
 _STEP = 0.1
 _FITTED = ["R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2"]
 _UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
@@ -63,11 +65,10 @@ def run(out: Path) -> Path:
         records = [_measure(out / f"{name}.csv", truth, _SEED + k) for k, name in enumerate(("record", "unseen"))]
         model = models["native"]
         first = comparing.compare(model, comparing.read_for(model, records[0]), {}, _FITTED, tell)
-        assert first.fit is not None
         tell("judging the recalibrated model on the record it has not seen")
         unseen = comparing.read_for(model, records[1])
         before = comparing.compare(model, unseen)
-        after = comparing.compare(model, unseen, first.fit.values)
+        after = comparing.compare(model, unseen, first.fit.values if first.fit else {})
         tell("drawing")
         comparing.plot(first, out / "compare.png")
         report = _report(out, runs, truth, first, before, after)
@@ -84,12 +85,8 @@ def _build(out: Path, tell: Callable[[str], None]) -> dict[str, Model]:
         for runtime in RUNTIMES:
             contents = build(component(name), runtime, [host_platform()], progress=tell)
             archive.write(out / "fmu" / runtime / f"{name}.fmu", contents)
-    own = find_model("ppy_actuator")
-    paths = {runtime: out / "fmu" / runtime / "ppy_actuator.fmu" for runtime in RUNTIMES}
-    return {
-        runtime: Model(own.name, path, own.cls, own.inputs, own.outputs, own.parameters)
-        for runtime, path in paths.items()
-    }
+    models = {runtime: find_model(str(out / "fmu" / runtime / f"{_MODEL}.fmu")) for runtime in RUNTIMES}
+    return {runtime: replace(model, name=_MODEL, cls=component(_MODEL)) for runtime, model in models.items()}
 
 
 def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None]) -> list[_Run]:
@@ -113,10 +110,9 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
         difference = max(
             float(np.max(np.abs(native[o] - python[o])) / (np.max(np.abs(native[o])) or 1.0)) for o in native
         )
-        shown = inputs | {
-            o: native[o] for o in (["voltage", "displacement"] if "current" in inputs else ["displacement"])
-        }
-        simulate.plot(out / f"{file}.png", models["native"], time, shown, title)
+        drawn = ["voltage", "displacement"] if "current" in inputs else ["displacement"]
+        signals = inputs | {name: native[name] for name in drawn}
+        simulate.plot(out / f"{file}.png", models["native"], time, signals, title)
         runs.append(_Run(title, out / f"{file}.png", difference))
     return runs
 
@@ -146,13 +142,16 @@ def _report(
     page = Page("What recalibration gains", f"On data it has not seen, the fit rises: {gains}.")
     page.heading("The record")
     page.text(
-        "Ten minutes at 10 Hz from an emulated rig: own equations, own integrator, instrument noise of 4 mV and 3 µm, "
-        "and parameters that differ from nominal. The model sees only the CSV file."
+        "Ten minutes at 10 Hz from an emulated rig: own equations, own integrator, instrument noise of "
+        f"{units.convert(EmulatedRig.voltage_noise, 'V', 'mV'):g} mV and "
+        f"{units.convert(EmulatedRig.displacement_noise, 'm', 'um'):g} µm, and parameters that differ from nominal. "
+        "The model sees only the CSV file."
     )
     page.picture(out / "compare.png", "Record, nominal and recalibrated simulation, each output above its residual.")
     page.heading("Parameters")
     page.table(
-        ["parameter", "nominal", "fitted", "95 % from", "to", "the rig's own", "inside"], _parameters(first, truth)
+        ["parameter", "nominal", "fitted", "95 % from", "to", "the rig's own", "inside"],
+        _parameters(first, truth),
     )
     page.text("A 95 % interval misses the truth once in twenty; of eight, one or more miss in a third of all records.")
     page.items(first.fit.warnings if first.fit else [])
@@ -177,8 +176,8 @@ def _parameters(comparison: comparing.Comparison, truth: RigParameters) -> list[
     true, rows = asdict(truth), []
     for name, e in comparison.fit.estimates.items() if comparison.fit else ():
         signal, (low, high) = comparison.model.parameters[name], e.interval
-        shown = [signal.shown(x, _DIGITS) for x in (e.nominal, e.value, low, high, true[name])]
-        rows.append([name, *shown, "yes" if low <= true[name] <= high else "no"])
+        texts = [shown(x, signal, _DIGITS) for x in (e.nominal, e.value, low, high, true[name])]
+        rows.append([name, *texts, "yes" if low <= true[name] <= high else "no"])
     return rows
 
 
@@ -190,5 +189,6 @@ def _outputs(
         a, signal = after[name], model.outputs[name]
         white = a.whiteness.summary() if a.whiteness else "too short to judge"
         fits = [f"{b.fit_percent:.1f} %", f"{a.fit_percent:.1f} %"]
-        rows.append([label, name, *fits, signal.shown(b.rms, _DIGITS), signal.shown(a.rms, _DIGITS), white])
+        errors = [shown_difference(x.rms, signal, _DIGITS) for x in (b, a)]
+        rows.append([label, name, *fits, *errors, white])
     return rows

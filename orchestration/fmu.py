@@ -3,70 +3,27 @@
 from __future__ import annotations
 
 import ctypes
-import math
 import os
 import shutil
 import tempfile
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
-from xml.etree import ElementTree
 
 import fmpy
 import fmpy.fmi2 as fmi2
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu_calls import Transfer, bind, transfers
+from orchestration.fmu_file import Archive, first_line, read_description
 from orchestration.fmu_log import MessageLog
+from orchestration.signals import check_type
 
 Array = NDArray[np.float64]
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
-
-
-def read_description(path: Path) -> Any:
-    """Read an FMU's model description.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    fmpy.model_description.ModelDescription
-
-    Raises
-    ------
-    UserError
-        If the file is missing, no zip, no FMU, or not FMI 2.0 for co-simulation.
-    """
-    if not path.is_file():
-        raise UserError(f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}")
-    if not zipfile.is_zipfile(path):
-        raise UserError(f"{path}: not an FMU (an FMU is a zip archive; this is not one)")
-    with zipfile.ZipFile(path) as archive:
-        if "modelDescription.xml" not in archive.namelist():
-            raise UserError(f"{path}: a zip archive but not an FMU (modelDescription.xml is not in it)")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            version = ElementTree.fromstring(archive.read("modelDescription.xml")).get("fmiVersion", "")
-        if not version.startswith("2."):
-            raise UserError(f"{path}: FMI version {version or 'not stated'}; this program runs FMI 2.0")
-        # the outer form only: `ppy check` is there for the rest
-        description = fmpy.read_model_description(str(path), validate=False)
-    except UserError:
-        raise
-    except Exception as error:
-        raise UserError(f"{path}: modelDescription.xml cannot be read ({_first_line(error)})") from error
-    if description.coSimulation is None:
-        raise UserError(f"{path}: an FMU for model exchange only; this program runs co-simulation")
-    return description
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 class Fmu:
@@ -116,18 +73,20 @@ class Fmu:
         return [v.name for v in self.description.modelVariables if v.causality == "output"]
 
     def __enter__(self) -> Fmu:
-        self._check_platform()
-        self._folder = tempfile.mkdtemp(prefix="ppy-fmu-")
-        here = Path.cwd()
+        with Archive(self.path) as archive:
+            if fmpy.platform not in archive.platforms:
+                there = ", ".join(archive.platforms) or "none"
+                raise UserError(f"{self.path}: no binary for {fmpy.platform}; it has {there}")
         try:
+            self._folder = tempfile.mkdtemp(prefix="ppy-fmu-")
             fmpy.extract(str(self.path), self._folder)
             self._instantiate()
         except BaseException as error:
-            os.chdir(here)  # where loading fails, fmpy leaves the process in the folder that is removed now
             self.close()
             if isinstance(error, UserError) or not isinstance(error, Exception):
                 raise
-            raise UserError(f"{self.path}: cannot be loaded ({self._reason(error)})") from error
+            reason = self._log.last(otherwise=first_line(error))
+            raise UserError(f"{self.path}: cannot be loaded ({reason})") from error
         return self
 
     def __exit__(
@@ -135,24 +94,17 @@ class Fmu:
     ) -> None:
         self.close()
 
-    def _check_platform(self) -> None:
-        with zipfile.ZipFile(self.path) as archive:
-            there = sorted(
-                {
-                    name.split("/")[1]
-                    for name in archive.namelist()
-                    if name.startswith("binaries/") and name.count("/") > 1
-                }
-            )
-        if fmpy.platform not in there:
-            raise UserError(f"{self.path}: no binary for {fmpy.platform}; it has {', '.join(there) or 'none'}")
-
     def _instantiate(self) -> None:
-        self._slave = fmi2.FMU2Slave(
-            guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.description.modelName,
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
-        )  # fmt: skip
+        here = Path.cwd()
+        try:
+            self._slave = fmi2.FMU2Slave(
+                guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.description.modelName,
+                modelIdentifier=self.description.coSimulation.modelIdentifier,
+            )  # fmt: skip
+        finally:
+            os.chdir(here)  # where loading fails, fmpy leaves the process in the unzipped folder
         self._slave.instantiate(callbacks=self._log.callbacks)
+        self._do_step = bind(self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int)
 
     def start(self, time: float = 0.0, stop: float | None = None) -> None:
         """Set the parameters and initialize.
@@ -168,24 +120,13 @@ class Fmu:
             With the FMU's own message if it refuses.
         """
         self._checked("setup", self._slave.setupExperiment, None, time, stop)
-        for name, value in self.parameters.items():
-            self._set_parameter(name, value)
+        for name in self.parameters:
+            role = self._variable(name).causality or "local"
+            if role not in ("parameter", "input"):
+                raise UserError(f"{self.path.name}: {name} is {role}, only parameters and inputs can be set")
+            self.writer([name])(np.array([self.parameters[name]]))
         self._checked("initialization", self._slave.enterInitializationMode)
         self._checked("initialization", self._slave.exitInitializationMode)
-
-    def _set_parameter(self, name: str, value: float) -> None:
-        variable = self._variable(name)
-        if variable.causality not in ("parameter", "input"):
-            raise UserError(
-                f"{self.path.name}: {name} is {variable.causality or 'local'}, only parameters and inputs can be set"
-            )
-        self._checked(f"setting {name}", self._setter(variable.type), [variable.valueReference], [value])
-
-    def _setter(self, kind: str) -> Callable[..., None]:
-        setters = {"Real": self._slave.setReal, "Boolean": self._slave.setBoolean}
-        if kind not in setters:
-            return lambda references, values: self._slave.setInteger(references, [int(v) for v in values])
-        return setters[kind]
 
     def _variable(self, name: str) -> Any:
         if name not in self.variables:
@@ -196,10 +137,8 @@ class Fmu:
         try:
             return call(*arguments)
         except Exception as error:
-            raise UserError(f"{self.path.name}: {doing} failed: {self._reason(error)}") from error
-
-    def _reason(self, error: Exception) -> str:
-        return self._log.last(otherwise=_first_line(error))
+            reason = self._log.last(otherwise=first_line(error))
+            raise UserError(f"{self.path.name}: {doing} failed: {reason}") from error
 
     def run(
         self,
@@ -236,70 +175,117 @@ class Fmu:
         names = list(self.outputs if outputs is None else outputs)
         for name in inputs:
             if self._variable(name).causality != "input":
-                raise UserError(
-                    f"{self.path.name}: {name} is not an input; inputs are {', '.join(self.inputs) or 'none'}"
-                )
-        feed, read = self._transfer("Set", list(inputs)), self._transfer("Get", names)
-        table = (
-            np.column_stack([np.asarray(inputs[n], dtype=float) for n in inputs])
-            if inputs
-            else np.empty((len(time), 0))
-        )
-        result = np.full((len(time), len(names)), math.nan)
-        step = self._function("fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int)
+                inputs_are = ", ".join(self.inputs) or "none"
+                raise UserError(f"{self.path.name}: {name} is not an input; inputs are {inputs_are}")
+        feed, read = self.writer(list(inputs)), self.reader(names)
+        table = np.column_stack([np.zeros(len(time)), *inputs.values()])[:, 1:]  # there may be no inputs
+        result = np.full((len(time), len(names)), np.nan)
         every = max(1, len(time) // 200)
         points = time.tolist()
-        last = len(points) - 1
         for k, now in enumerate(points):
-            feed(table[k])
-            read(result[k])
-            if k == last:
-                break
-            status = step(self._slave.component, now, points[k + 1] - now, 1)
-            if status > fmi2.fmi2Warning:
-                label = _STATUS[status] if status < len(_STATUS) else str(status)
-                text = self._log.last(otherwise="no message")
-                raise UserError(f"{self.path.name}: step from {now:g} s returned {label}: {text}")
+            if k > 0:
+                self.step(points[k - 1], now - points[k - 1])
+            try:
+                feed(table[k])
+                read(result[k])
+            except UserError as error:
+                raise UserError(f"{error} (at {now:g} s)") from error
             if k % every == 0:
                 progress(k)
         progress(len(time))
         return {name: result[:, i] for i, name in enumerate(names)}
 
-    def _function(self, name: str, *arguments: Any) -> Callable[..., int]:
-        """Return an FMI function without fmpy's bookkeeping around every call."""
-        function = self._slave.dll[name]  # a new object each time, so that argtypes are ours
-        function.argtypes = [ctypes.c_void_p, *arguments]
-        function.restype = ctypes.c_int
-        return function
+    def step(self, time: float, size: float) -> None:
+        """Make a communication step.
 
-    def _transfer(self, verb: str, names: list[str]) -> Callable[[Array], None]:
-        """Move values between a row of doubles and the FMU, with one call for each type in it."""
-        kinds: dict[str, list[int]] = {}
-        for position, name in enumerate(names):
-            kind = {"Enumeration": "Integer"}.get(self._variable(name).type, self._variable(name).type)
-            if kind == "String":
-                raise UserError(f"{self.path.name}: {name} is text and cannot be read as a number")
-            kinds.setdefault(kind, []).append(position)
-        plans = []
-        for kind, positions in kinds.items():
-            count, ctype = len(positions), ctypes.c_double if kind == "Real" else ctypes.c_int
-            references = (ctypes.c_uint * count)(*(self.variables[names[p]].valueReference for p in positions))
-            call = self._function(f"fmi2{verb}{kind}", ctypes.c_uint * count, ctypes.c_size_t, ctype * count)
-            plans.append((call, kind, positions, references, (ctype * count)()))
+        Parameters
+        ----------
+        time, size : float
+            Where it begins and how long it is, in seconds.
 
-        def transfer(row: Array) -> None:
-            for call, kind, positions, references, values in plans:
-                if verb == "Set":
-                    values[:] = [row[p] if kind == "Real" else int(row[p]) for p in positions]
+        Raises
+        ------
+        UserError
+            If the FMU fails or discards it, with the FMU's message.
+        """
+        status = self._do_step(self._slave.component, time, size, 1)
+        if status > fmi2.fmi2Warning:
+            raise self._failed(f"step from {time:g} s returned {dict(enumerate(_STATUS)).get(status, status)}")
+
+    def save(self) -> Any:
+        """Return a copy of the whole state, to `restore` any number of times and to `release` in the end.
+
+        Raises
+        ------
+        UserError
+            If the FMU cannot.
+        """
+        if self.description.coSimulation.canGetAndSetFMUstate:
+            return self._checked("saving the state", self._slave.getFMUstate)
+        raise UserError(f"{self.path.name}: cannot save its state (canGetAndSetFMUstate is false)")
+
+    def restore(self, state: Any) -> None:
+        """Go back to a saved state; UserError if the FMU refuses."""
+        self._checked("restoring a state", self._slave.setFMUstate, state)
+
+    def release(self, state: Any) -> None:
+        """Free a saved state; UserError if the FMU refuses."""
+        self._checked("releasing a state", self._slave.freeFMUstate, state)
+
+    def writer(self, names: Sequence[str]) -> Callable[[Array], None]:
+        """Return a function that sets variables to a row of numbers, one for each name.
+
+        Parameters
+        ----------
+        names : sequence of str
+
+        Returns
+        -------
+        callable
+            Takes an array of shape (n,); UserError if the FMU refuses, or a type cannot hold its value.
+        """
+        prepared = self._transfers("Set", names)
+
+        def write(row: Array) -> None:
+            for call, kind, positions, references, values in prepared:
+                chosen = row[positions].tolist()
+                if kind != "real":
+                    for position, value in zip(positions, chosen, strict=True):
+                        check_type(kind, value, f"{self.path.name}: {names[position]}")
+                    chosen = [int(value) for value in chosen]
+                values[:] = chosen
                 if call(self._slave.component, references, len(positions), values) > fmi2.fmi2Warning:
-                    text = self._log.last(otherwise="no message")
-                    raise UserError(
-                        f"{self.path.name}: {'setting inputs' if verb == 'Set' else 'reading outputs'} failed: {text}"
-                    )
-                if verb == "Get":
-                    row[positions] = values[:]
+                    raise self._failed(f"setting {', '.join(names)} failed")
 
-        return transfer
+        return write
+
+    def reader(self, names: Sequence[str]) -> Callable[[Array], None]:
+        """Return a function that fills a row of numbers with the values of variables.
+
+        Parameters
+        ----------
+        names : sequence of str
+
+        Returns
+        -------
+        callable
+            Takes an array of shape (n,); UserError if the FMU refuses.
+        """
+        prepared = self._transfers("Get", names)
+
+        def read(row: Array) -> None:
+            for call, _, positions, references, values in prepared:
+                if call(self._slave.component, references, len(positions), values) > fmi2.fmi2Warning:
+                    raise self._failed(f"reading {', '.join(names)} failed")
+                row[positions] = values[:]
+
+        return read
+
+    def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
+        return transfers(self._slave.dll, verb, names, {name: self._variable(name) for name in names})
+
+    def _failed(self, what: str) -> UserError:
+        return UserError(f"{self.path.name}: {what}: {self._log.last(otherwise='no message')}")
 
     def close(self) -> None:
         """Free the instance and remove the unzipped folder."""
@@ -311,13 +297,3 @@ class Fmu:
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
             self._folder = None
-
-
-def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
-    """``; did you mean R1?`` if something known is near, else the known names if they are few."""
-    import difflib
-
-    near = difflib.get_close_matches(name, list(known), 1, 0.5)
-    if near:
-        return f"; did you mean {near[0]}?"
-    return f"; there are {', '.join(known)}" if len(known) <= 20 else ""

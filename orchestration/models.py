@@ -2,49 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmus.kit import units
-from fmus.kit.errors import UserError
+from fmus.kit.documentation import allowed, shown
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu_file import read_description
+from orchestration.signals import Signal, check_type, read_signal
 
 if TYPE_CHECKING:
     from fmus.kit import Component
 
-_SETTING = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|true|false)\s*(?P<unit>.*)$")
-
-
-@dataclass(frozen=True)
-class Signal:
-    """A variable as a user meets it.
-
-    Attributes
-    ----------
-    name, unit : str
-        ``unit`` is the FMU's; ``"1"`` where it declares none.
-    display : str
-        Unit that people prefer to read.
-    start : float
-        Start value, for inputs and parameters.
-    low, high : float
-        Allowed range.
-    """
-
-    name: str
-    unit: str
-    display: str
-    start: float
-    low: float
-    high: float
-
-    def shown(self, value: float, digits: int = 6) -> str:
-        """Value in the display unit, with it."""
-        number = units.convert(float(value), self.unit, self.display)
-        return f"{number:.{digits}g}" + ("" if self.display == "1" else f" {self.display}")
+_SETTING = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
+_WORDS = {"true": 1.0, "false": 0.0}
 
 
 @dataclass(frozen=True)
@@ -101,28 +75,28 @@ class Model:
         return values
 
     def _setting(self, name: str, given: str) -> float:
-        from orchestration.fmu import suggestion
-
+        where = f"--set {name}={given}"
         signal = self.parameters.get(name) or self.inputs.get(name)
         if signal is None:
             raise UserError(
                 f"{self.name}: no parameter named {name!r}{suggestion(name, [*self.parameters, *self.inputs])}"
             )
+        if signal.type == "boolean" and given.strip() in _WORDS:
+            return _WORDS[given.strip()]
         match = _SETTING.match(given)
         if not match:
-            raise UserError(f"--set {name}={given}: {given!r} is not a number with an optional unit")
-        number = match["number"]
-        value = {"true": 1.0, "false": 0.0}[number] if number in ("true", "false") else float(number)
+            words = " (nor true or false)" if signal.type == "boolean" else ""
+            raise UserError(f"{where}: {given!r} is not a number with an optional unit{words}")
+        value = float(match["number"])
         unit = match["unit"].strip().removeprefix("[").removesuffix("]").strip()
         if unit:
-            where = f"--set {name}={given}"
             try:
                 value = float(units.convert(value, unit, signal.unit, where))
             except UserError as error:
                 raise UserError(str(error) if where in str(error) else f"{where}: {error}") from error
-        if not signal.low <= value <= signal.high:
-            allowed = f"{signal.low:g} to {signal.high:g} {signal.unit}"
-            raise UserError(f"--set {name}={given}: {value:g} {signal.unit} is out of range; allowed is {allowed}")
+        check_type(signal.type, value, where)
+        if not signal.min <= value <= signal.max:
+            raise UserError(f"{where}: {shown(value, signal)} is out of range; allowed is {allowed(signal)}")
         return value
 
 
@@ -141,7 +115,6 @@ def find_model(name_or_path: str, runtime: str = "native") -> Model:
         If there is no such component or file, or the FMU cannot be read.
     """
     from fmus import COMPONENTS, component
-    from orchestration.fmu import read_description
 
     cls = None
     if name_or_path in COMPONENTS:
@@ -156,21 +129,5 @@ def find_model(name_or_path: str, runtime: str = "native") -> Model:
     groups: dict[str, dict[str, Signal]] = {"input": {}, "output": {}, "parameter": {}}
     for v in read_description(path).modelVariables:
         if v.causality in groups and v.type != "String":
-            groups[v.causality][v.name] = _signal(v)
+            groups[v.causality][v.name] = read_signal(v)
     return Model(name_or_path if cls else path.name, path, cls, groups["input"], groups["output"], groups["parameter"])
-
-
-def _signal(variable: Any) -> Signal:
-    """Gather what fmpy has read of a scalar variable; type definitions fill what the variable leaves out."""
-
-    def attribute(name: str) -> str | None:
-        return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
-
-    def number(text: str | None, default: float) -> float:
-        if not text:
-            return default
-        return float(text == "true") if text in ("true", "false") else float(text)
-
-    unit = attribute("unit") or "1"
-    low, high = number(attribute("min"), -math.inf), number(attribute("max"), math.inf)
-    return Signal(variable.name, unit, attribute("displayUnit") or unit, number(variable.start, 0.0), low, high)

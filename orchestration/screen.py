@@ -66,7 +66,7 @@ def progress() -> Iterator[Tell]:
 def info(name: str) -> None:
     """Show a component: variables with units, defaults and ranges, presets, sources."""
     from fmus import component
-    from fmus.kit.documentation import shown
+    from fmus.kit.documentation import allowed, shown
 
     cls = component(name)
     out.print(f"[bold]{name}[/]  {(cls.__doc__ or '').strip().splitlines()[0]}\n")
@@ -79,7 +79,7 @@ def info(name: str) -> None:
         out.print()
     table = _table("parameters", "name", "default", "allowed", "meaning")
     for p in layout.parameters:
-        table.add_row(p.name, shown(p.start, p), f"{p.min:.3g} … {p.max:.3g} {p.unit}", p.doc)
+        table.add_row(p.name, shown(p.start, p), allowed(p), p.doc)
     out.print(table)
     sources: dict[str, list[str]] = {}
     for p in layout.parameters:
@@ -142,11 +142,12 @@ def _check_results(result: Path | None, picture: Path | None) -> None:
 
 def _absent(model: Model, signals: Collection[str], parameters: Collection[str]) -> None:
     """Tell which inputs no file and no setting gives."""
+    from fmus.kit.documentation import shown
+
     for name, signal in model.inputs.items():
         if name not in signals and name not in parameters:
-            err.print(
-                f"warning: no values for the input {name}; it stays at {signal.shown(signal.start)}", markup=False
-            )
+            start = shown(signal.start, signal)
+            err.print(f"warning: no values for the input {name}; it stays at {start}", markup=False)
 
 
 def simulate(
@@ -156,8 +157,9 @@ def simulate(
     """Do ``ppy simulate``."""
     import numpy as np
 
+    from fmus.kit.documentation import shown
     from orchestration import simulate as work
-    from orchestration.fmu import read_description
+    from orchestration.fmu_file import read_description
     from orchestration.records import parse_mapping, read_record, write_record
 
     renamed = parse_mapping(mapping)
@@ -190,7 +192,7 @@ def simulate(
     for column in ("output", "smallest", "largest", "last"):
         table.add_column(column, justify="left" if column == "output" else "right")
     for output, values in outputs.items():
-        table.add_row(output, *(model.outputs[output].shown(v) for v in (values.min(), values.max(), values[-1])))
+        table.add_row(output, *(shown(v, model.outputs[output]) for v in (values.min(), values.max(), values[-1])))
     out.print(f"{model.name}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
     out.print(table)
     if result is not None:
@@ -228,6 +230,8 @@ def compare(
 
 def show(comparison: Comparison) -> None:
     """Print a comparison: fit per output, and the fitted parameters with their intervals."""
+    from fmus.kit.documentation import shown, shown_difference
+
     model = comparison.model
     runs = [("simulated" if comparison.after is None else "before", comparison.before)]
     runs += [("fitted", comparison.after)] if comparison.after is not None else []
@@ -238,7 +242,8 @@ def show(comparison: Comparison) -> None:
         for label, judged in runs:
             j = judged[output]
             rest = j.whiteness.summary() if j.whiteness else "too short to judge"
-            table.add_row(output, label, _percent(j.fit_percent), model.outputs[output].shown(j.rms), rest)
+            error = shown_difference(j.rms, model.outputs[output])
+            table.add_row(output, label, _percent(j.fit_percent), error, rest)
     out.print(f"{comparison.record.source.name} against {model.name}: {comparison.record.time.size} samples")
     out.print(table)
     if comparison.fit is not None:
@@ -247,8 +252,8 @@ def show(comparison: Comparison) -> None:
             table.add_column(column, justify="left" if column == "parameter" else "right")
         for parameter, e in comparison.fit.estimates.items():
             signal = model.parameters[parameter]
-            low, high = (signal.shown(x) for x in e.interval)
-            table.add_row(parameter, signal.shown(e.value), f"{low} … {high}", signal.shown(e.nominal))
+            value, nominal, low, high = (shown(x, signal) for x in (e.value, e.nominal, *e.interval))
+            table.add_row(parameter, value, f"{low} … {high}", nominal)
         out.print()
         out.print(table)
         for warning in comparison.fit.warnings:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fmus.kit.errors import UserError
+
 Array = NDArray[np.float64]
 
 # A sample that rounding puts just before a switch belongs after it; this is the fraction of a period forgiven.
@@ -20,13 +22,20 @@ def square_wave(time: ArrayLike, amplitude: float, frequency: float, offset: flo
 
     Parameters
     ----------
-    time : (n,) s
-    amplitude, offset : unit of the input
-    frequency : Hz, above 0
+    time : array_like, shape (n,)
+        Seconds.
+    amplitude, offset : float
+        In the unit of the input.
+    frequency : float
+        Hz, above 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Raises
     ------
-    ValueError
+    UserError
         If the frequency is not above 0.
     """
     _require_positive("frequency", frequency, "Hz")
@@ -44,21 +53,29 @@ def force_staircase(
 
     Parameters
     ----------
-    time : (n,) s
-    period : s, above 0, of one loading and unloading (the thesis does not print its value)
-    bias, maximum : N
-    increment : N, above 0
+    time : array_like, shape (n,)
+        Seconds.
+    period : float
+        Of one loading and unloading in seconds, above 0; the thesis does not print its value.
+    bias, maximum : float
+        N.
+    increment : float
+        N, above 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Raises
     ------
-    ValueError
+    UserError
         If period or increment is not above 0, or the maximum lies below the first level.
     """
     _require_positive("period", period, "s")
     _require_positive("increment", increment, "N")
     levels = int(np.floor((maximum - bias) / increment + _ROUNDING))
     if levels < 1:
-        raise ValueError(f"maximum = {maximum} N: must be at least bias + increment = {bias + increment} N")
+        raise UserError(f"maximum = {maximum} N: must be at least bias + increment = {bias + increment} N")
     half_periods = np.floor(2 * _vector(time) / period + _ROUNDING)
     loading = half_periods // 2
     loaded = (half_periods % 2 == 0) & (loading >= 0) & (loading < levels)
@@ -70,22 +87,30 @@ def multilevel(time: ArrayLike, levels: Sequence[float], dwell: tuple[float, flo
 
     Parameters
     ----------
-    time : (n,) s, increasing
-    levels : at least two different values, unit of the input
-    dwell : (shortest, longest) holding time, s, uniformly distributed
-    seed : of the random generator
+    time : array_like, shape (n,)
+        Seconds, increasing.
+    levels : sequence of float
+        At least two different values, in the unit of the input.
+    dwell : tuple of float
+        Shortest and longest holding time in seconds; uniformly distributed between them.
+    seed : int
+        Of the random generator.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Raises
     ------
-    ValueError
+    UserError
         If there are fewer than two levels, or ``0 < shortest <= longest`` does not hold.
     """
     choices = np.unique(levels)
     shortest, longest = dwell
     if choices.size < 2:
-        raise ValueError(f"levels = {list(levels)}: at least two different values are needed")
+        raise UserError(f"levels = {list(levels)}: at least two different values are needed")
     if not 0 < shortest <= longest:
-        raise ValueError(f"dwell = {dwell} s: must satisfy 0 < shortest <= longest")
+        raise UserError(f"dwell = {dwell} s: must satisfy 0 < shortest <= longest")
     t = _vector(time)
     generator = np.random.default_rng(seed)
     holds = int(np.ceil((t[-1] - t[0]) / shortest)) + 1
@@ -101,33 +126,54 @@ def steps(time: ArrayLike, times: Sequence[float], values: Sequence[float], init
 
     Parameters
     ----------
-    time : (n,) s
-    times : s, increasing
-    values : as many as `times`, unit of the input
-    initial : unit of the input
+    time : array_like, shape (n,)
+        Seconds.
+    times : sequence of float
+        Seconds, increasing.
+    values : sequence of float
+        As many as `times`, in the unit of the input.
+    initial : float
+        In the unit of the input.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Raises
     ------
-    ValueError
+    UserError
         If `times` and `values` differ in length or `times` does not increase.
     """
     switches = np.asarray(times, dtype=float)
     if switches.size != len(values) or np.any(np.diff(switches) <= 0):
-        raise ValueError(f"steps needs increasing times and as many values: got {list(times)} s and {list(values)}")
+        raise UserError(f"steps needs increasing times and as many values: got {list(times)} s and {list(values)}")
     held = np.concatenate([[initial], np.asarray(values, dtype=float)])
     return held[np.searchsorted(switches, _vector(time), side="right")]
 
 
 def ramp(time: ArrayLike, start: float, stop: float, initial: float, final: float) -> Array:
-    """Return a straight line from `initial` at `start` (s) to `final` at `stop` (s), constant before and after.
+    """Return a straight line from `initial` at `start` to `final` at `stop`, constant before and after.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Seconds.
+    start, stop : float
+        Seconds.
+    initial, final : float
+        In the unit of the input.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Raises
     ------
-    ValueError
+    UserError
         If `stop` is not later than `start`.
     """
     if not start < stop:
-        raise ValueError(f"ramp from {start} s to {stop} s: stop must be later than start")
+        raise UserError(f"ramp from {start} s to {stop} s: stop must be later than start")
     return np.interp(_vector(time), [start, stop], [initial, final])
 
 
@@ -143,14 +189,22 @@ def chirp(
 
     Parameters
     ----------
-    time : (n,) s
-    amplitude, offset : unit of the input
-    start_frequency, stop_frequency : Hz, at t = 0 and at t = `duration`
-    duration : s, above 0
+    time : array_like, shape (n,)
+        Seconds.
+    amplitude, offset : float
+        In the unit of the input.
+    start_frequency, stop_frequency : float
+        Hz, at t = 0 and at t = `duration`.
+    duration : float
+        Seconds, above 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Raises
     ------
-    ValueError
+    UserError
         If the duration is not above 0.
     """
     _require_positive("duration", duration, "s")
@@ -164,20 +218,29 @@ def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: i
 
     Parameters
     ----------
-    time : (n,) s
-    frequencies : Hz, different from each other and above 0
-    rms : root mean square about the offset over a common period, unit of the input
-    seed : of the random phases
-    offset : unit of the input
+    time : array_like, shape (n,)
+        Seconds.
+    frequencies : sequence of float
+        Hz, different from each other and above 0.
+    rms : float
+        Root mean square about the offset over a common period, in the unit of the input.
+    seed : int
+        Of the random phases.
+    offset : float
+        In the unit of the input.
+
+    Returns
+    -------
+    ndarray, shape (n,)
 
     Raises
     ------
-    ValueError
+    UserError
         If there are no frequencies, or they repeat or are not above 0.
     """
     tones = np.asarray(frequencies, dtype=float)
     if tones.size == 0 or np.unique(tones).size != tones.size or np.any(tones <= 0):
-        raise ValueError(f"frequencies = {list(frequencies)} Hz: must be different from each other and above 0")
+        raise UserError(f"frequencies = {list(frequencies)} Hz: must be different from each other and above 0")
     t = _vector(time)
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, tones.size)
     total = np.zeros_like(t)
@@ -192,4 +255,4 @@ def _vector(time: ArrayLike) -> Array:
 
 def _require_positive(name: str, value: float, unit: str) -> None:
     if not value > 0:
-        raise ValueError(f"{name} = {value} {unit}: must be above 0")
+        raise UserError(f"{name} = {value} {unit}: must be above 0")

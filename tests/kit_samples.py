@@ -124,6 +124,33 @@ class Curved(Component):
         return 2.0 * self.last
 
 
+class Mixed(Component):
+    """A chain of lags whose variables are named like what unrolled and generated code uses itself."""
+
+    name = "mixed"
+
+    h = Parameter(0.5, "1/s")
+    w = Parameter(2.0, "1/s")
+    t = Input("1", start=1.0)
+    m = State("1", rate="r0", output=True)
+    x0 = State("1", rate="a0", start=0.3, output=True)
+    y = Discrete("1", update="g", period=0.25, output=True)
+
+    def r0(self):
+        return self.h * (self.t - self.m)
+
+    def a0(self):
+        return self.w * (self.m - self.x0)
+
+    def g(self):
+        return self.m + self.y
+
+    @Output("1")
+    def n0(self):
+        """Difference of the lags."""
+        return self.m - self.x0
+
+
 class Warmer(Effect):
     """Adds a constant to the power."""
 

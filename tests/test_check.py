@@ -125,7 +125,7 @@ def test_what_is_no_zip_is_refused(tmp_path, data, message):
 
 def test_missing_file_and_folder_are_refused(tmp_path):
     for path in (tmp_path / "absent.fmu", tmp_path):
-        with pytest.raises(UserError, match="no such file"):
+        with pytest.raises(UserError, match=r"no such file|a folder, not an FMU"):
             check_fmu(path)
 
 
@@ -146,7 +146,7 @@ def test_cut_off_archive_is_refused(fmu, tmp_path, share):
         (b'<?xml version="1.0" encoding="nonsense"?><a/>', "cannot be read"),
         (b"<SystemStructure/>", "'SystemStructure', expected 'fmiModelDescription'"),
         (b'<fmiModelDescription fmiVersion="3.0"/>', "FMI version 3.0"),
-        (b"<fmiModelDescription/>", r"FMI version \(none\)"),
+        (b"<fmiModelDescription/>", "FMI version not stated"),
     ],
 )
 def test_description_that_is_none_is_refused(tmp_path, text, message):
@@ -336,7 +336,7 @@ def test_different_times_of_files_are_found(fmu, tmp_path):
 def test_required_functions_are_those_of_the_headers():
     from orchestration.check.binaries import _FUNCTIONS
 
-    header = (hosts.HEADERS / "fmi2Functions.h").read_text()
+    header = (hosts.HEADERS / "fmi2Functions.h").read_text(encoding="utf-8")
     declared = set(re.findall(r"^#define (fmi2\w+)\s+fmi2FullName\(", header, re.M))
     assert {f"fmi2{name}" for names in _FUNCTIONS.values() for name in names.split()} == declared
     assert len(_FUNCTIONS["CoSimulation"].split()) == 34  # as counted in FMI 2.0.4, chapters 2.1 and 4.2

@@ -95,9 +95,13 @@ def test_list_names_every_component(tmp_path):
 def test_info_says_what_one_needs_to_set_a_parameter(tmp_path):
     text = works("info", "ppy_actuator", cwd=tmp_path)
     row = next(line for line in text.splitlines() if line.startswith("R2 "))
-    for part in ("2.35 ohm", "1e-06 … 1e+12", "leakage"):
+    for part in ("2.35 ohm", "1e-06 … 1e+12 ohm", "leakage"):
         assert part in row
-    for part in ("current", "displacement", "five_layer", "table 3-1", "0.068 mm/C"):
+    row = next(line for line in text.splitlines() if line.startswith("alpha "))
+    for part in ("0.068 mm/C", "-1000 … 1000 mm/C"):  # both in the unit people read
+        assert part in row
+    assert "inf" not in text.split("parameters")[1].split()
+    for part in ("current", "displacement", "five_layer", "table 3-1"):
         assert part in text
 
 
@@ -139,8 +143,8 @@ def test_check_tells_errors_by_its_exit_code(fmu, tmp_path):
 
 def test_simulate_a_recorded_stimulus(record, tmp_path):
     """Inputs from a file, a renamed column, units, a preset; result and picture."""
-    text = record.read_text().replace("current [A]", "drive [A]", 1)
-    record.write_text(text)
+    text = record.read_text(encoding="utf-8").replace("current [A]", "drive [A]", 1)
+    record.write_text(text, encoding="utf-8")
     printed = works(
         "simulate", "ppy_actuator", "--input", record, "--map", "drive=current", "--preset", "five_layer",
         "--set", "R1=800mohm", "--set", "k1=6.3[N/mm]", "--out", "run.csv", "--plot", "run.png", cwd=tmp_path,
@@ -188,20 +192,20 @@ def test_simulate_a_part_of_a_record(record, tmp_path):
 
 def test_compare_with_a_fit(record, tmp_path):
     """A renamed and rescaled column, a setting, two fitted parameters; figures as JSON, and a picture."""
-    lines = record.read_text().splitlines()
+    lines = record.read_text(encoding="utf-8").splitlines()
     rows = [lines[0].replace("voltage [V]", "U_cell [mV]")]
     for line in lines[1:]:
         cells = line.split(",")
         cells[3] = repr(1e3 * float(cells[3]))
         rows.append(",".join(cells))
-    record.write_text("\n".join(rows) + "\n")
+    record.write_text("\n".join(rows) + "\n", encoding="utf-8")
     printed = works(
         "compare", record, "--map", "U_cell=voltage", "--set", "R2=2350mohm", "--fit", "R1, C",
         "--out", "figures.json", "--plot", "compare.png", cwd=tmp_path,
     )  # fmt: skip
     assert "600 samples" in printed
     assert "wrote figures.json" in printed
-    page = json.loads((tmp_path / "figures.json").read_text())
+    page = json.loads((tmp_path / "figures.json").read_text(encoding="utf-8"))
     assert page["model"] == "ppy_actuator"
     assert page["set"] == {"R2": pytest.approx(2.35)}
     found = page["fitted"]["parameters"]

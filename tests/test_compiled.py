@@ -5,9 +5,13 @@ Oracles are solutions on paper, differentiated by a complex step (exact to round
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
-from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserError
+from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserError, stack
 from fmus.kit.compiled import CompiledModel
+from fmus.kit.sensitivity import with_sensitivities
+from fmus.kit.trace import trace
+from fmus.ppy_actuator.effects import DoubleLayer, ResistanceGrowth
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from orchestration.stimuli import multilevel, square_wave
 
@@ -179,7 +183,55 @@ def test_the_answer_does_not_depend_on_which_sensitivities_are_asked():
         assert alone.sensitivities[signal].shape == (TIME.size, 0)
 
 
+@pytest.mark.parametrize("resistance", [0.0, 0.1])
+def test_sensitivities_of_an_effect_at_neutral_and_beside_follow_the_solution_on_paper(resistance):
+    """A parameter whose default is zero sets no scale; its sensitivity has states that must be integrated accurately.
+
+    Free charge and current through the double layer are linear in themselves: a matrix exponential, differentiated
+    by a complex step.
+    """
+    R1, R2, C, tau = 0.43, 2.35, 2.70, 0.2
+
+    def solution(R_dl):
+        flow = np.array([-1 / C, -R_dl, R2 * 0.9]) / (R1 + R2)
+        matrix = np.array([flow, (flow - [0, 1, 0]) / tau, [0, 0, 0]])
+        states = np.array([expm(matrix * t) @ [0.7, 0.0, 1.0] for t in TIME]).T
+        return {"charge": states[0], "faradaic_current": states[1],
+                "voltage": R1 * (flow @ states) + states[0] / C + R_dl * states[1]}  # fmt: skip
+
+    model = CompiledModel(stack(PpyActuator, DoubleLayer), ["double_layer_resistance"])
+    values = {"double_layer_resistance": resistance, "charge_start": 0.7}
+    trajectory = model.run(TIME, {"current": np.full(TIME.size, 0.9)}, values)
+    for signal, exact in solution(resistance + 1e-30j).items():
+        close(trajectory.signals[signal], exact.real, 1e-7)
+        close(trajectory.sensitivities[signal][:, 0], exact.imag / 1e-30, 1e-6)
+
+
+def test_sensitivities_are_declared_with_the_scale_of_their_parameter():
+    layout = with_sensitivities(trace(Sampled), ["x_start", "b"]).layout
+    assert {s.name: s.nominal for s in layout.states} == {"x": 1.0, "d(x)/d(x_start)": 5.0, "d(x)/d(b)": 1 / 1.5}
+    starts = {p.name: p.start for p in layout.parameters}
+    assert starts["d(x)/d(x_start)_start"] == 1.0
+    assert starts["d(x)/d(b)_start"] == 0.0
+    effect = with_sensitivities(trace(stack(PpyActuator, ResistanceGrowth)), ["resistance_growth_rate"]).layout
+    (throughput,) = (s for s in effect.states if s.name == "d(throughput)/d(resistance_growth_rate)")
+    assert throughput.nominal == pytest.approx(1.0 / 1e-3)
+    assert throughput.min == -np.inf  # other than the throughput itself
+
+
+def test_a_graph_is_compiled_as_its_class_is():
+    inputs = {"current": square_wave(TIME, 0.9, 0.2)}
+    one, other = (CompiledModel(m, ["C"]).run(TIME, inputs) for m in (PpyActuator, trace(PpyActuator)))
+    for signal, values in one.signals.items():
+        np.testing.assert_array_equal(other.signals[signal], values)
+        np.testing.assert_array_equal(other.sensitivities[signal], one.sensitivities[signal])
+
+
 def test_mistakes_are_told():
+    with pytest.raises(UserError, match="sampled: no sensitivity to 'period', which is a sample period"):
+        CompiledModel(Sampled, ["gain", "period"])
+    with pytest.raises(UserError, match=r"ppy_actuator: no input named 'curent' \(there are: current, force\)"):
+        CompiledModel(PpyActuator).run(TIME, {"force": np.ones(TIME.size), "curent": np.ones(TIME.size)})
     with pytest.raises(UserError, match="no parameter named 'Rl'"):
         CompiledModel(PpyActuator, ["Rl"])
     model = CompiledModel(PpyActuator)

@@ -13,6 +13,7 @@ from fmpy.validation import validate_fmu
 from fmus import COMPONENTS
 from fmus.kit.build import RUNTIMES
 from orchestration.records import read_record
+from orchestration.rig.emulator import EmulatedRig
 
 from .test_cli import ppy
 
@@ -112,6 +113,11 @@ def test_recalibration_gains_on_the_unseen_record(done):
     assert [name for name, *_ in gains] == ["voltage", "displacement"]
     for _, before, after in gains:
         assert float(before) < 90.0 < 98.0 < float(after)
+
+
+def test_the_report_tells_the_noise_that_was_made(page):
+    assert (EmulatedRig.voltage_noise, EmulatedRig.displacement_noise) == (4e-3, 3e-6)
+    assert "instrument noise of 4 mV and 3 µm" in page
 
 
 def test_both_builds_agree_in_the_report(page):

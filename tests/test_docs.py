@@ -32,13 +32,13 @@ def run(command: list[str] | str, folder: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_block_of_a_page_runs(page: str, tmp_path: Path) -> None:
-    blocks = BLOCK.findall((ROOT / page).read_text())
+    blocks = BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
     assert blocks, f"{page} shows nothing that runs"
     script = tmp_path / "page.py"
-    script.write_text("")
+    script.write_text("", encoding="utf-8")
     for language, text in blocks:
         if language == "python":  # a later block goes on from the earlier ones
-            script.write_text(script.read_text() + text)
+            script.write_text(script.read_text(encoding="utf-8") + text, encoding="utf-8")
             run([sys.executable, script.name], tmp_path)
             continue
         for line in text.splitlines():
@@ -47,7 +47,7 @@ def test_every_block_of_a_page_runs(page: str, tmp_path: Path) -> None:
 
 
 def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
-    section = (ROOT / "README.md").read_text().split("## Use it")[1].split("## ")[0]
+    section = (ROOT / "README.md").read_text(encoding="utf-8").split("## Use it")[1].split("## ")[0]
     commands = re.findall(r"^ppy .*$", section, re.M)
     assert len(commands) >= 6
     run("ppy demo", tmp_path)
@@ -60,7 +60,7 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
     "page", [Path("README.md"), *(p.relative_to(ROOT) for p in sorted((ROOT / "docs").rglob("*.md")))], ids=str
 )
 def test_links_lead_somewhere(page: Path) -> None:
-    text = (ROOT / page).read_text()
+    text = (ROOT / page).read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
         if "://" not in target:
             assert (ROOT / page.parent / target).exists(), f"{page}: {target}"

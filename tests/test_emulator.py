@@ -34,7 +34,7 @@ def square_wave(time, amplitude, period):
 
 
 def test_emulator_imports_nothing_of_the_models():
-    source = Path(emulator.__file__).read_text()
+    source = Path(emulator.__file__).read_text(encoding="utf-8")
     imported = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -95,7 +95,7 @@ def test_force_step_creeps_like_a_burgers_body_and_leaves_plastic_set():
     assert set_after_long == pytest.approx(newtons * 400 / p.b1, rel=1e-12)
 
 
-@pytest.mark.parametrize("parameters", [NOMINAL, RigParameters.aged(3), RigParameters.scattered(4)])
+@pytest.mark.parametrize("parameters", [NOMINAL, RigParameters.scattered(4)])
 def test_agrees_with_transfer_functions_of_the_thesis(parameters):
     p, step = parameters, 0.1
     time = np.arange(1500) * step
@@ -158,19 +158,22 @@ def test_growing_resistance_follows_its_throughput():
     parameters = RigParameters(R2=1e12)
     time = np.arange(0, 50, 0.1)
     current = square_wave(time, 0.9, 10.0)
-    voltage = quiet(parameters, hidden=partial(GrowingResistance, growth=5e-3)).run(time, current, 0.0)["voltage"]
+    voltage = quiet(parameters, hidden=partial(GrowingResistance, growth=0.8, endurance=30.0)).run(time, current, 0.0)[
+        "voltage"
+    ]
     charge = np.concatenate([[0.0], np.cumsum(current[:-1]) * 0.1])
-    expected = charge / parameters.C + parameters.R1 * (1 + 5e-3 * 0.9 * time) * current
+    moved = 0.9 * time
+    expected = charge / parameters.C + parameters.R1 * (1 + 0.8 * moved / (30.0 + moved)) * current
     np.testing.assert_allclose(voltage, expected, rtol=1e-8, atol=1e-8)
     # With leakage: the throughput integrates the magnitude of the charging current, here positive, so it is the charge.
     rig = quiet(hidden=GrowingResistance)
     leaky = rig.run(time, 0.9, 0.0)["voltage"]
-    resistance = NOMINAL.R1 * (1 + 1e-3 * rig.truth["charge"])
+    resistance = NOMINAL.R1 * (1 + 0.5 * rig.truth["charge"] / (500.0 + rig.truth["charge"]))
     balance = (leaky - rig.truth["charge"] / NOMINAL.C) / resistance + leaky / NOMINAL.R2
     np.testing.assert_allclose(balance, 0.9, rtol=1e-9)
 
     def seconds_per_coulomb(charge):
-        rise = NOMINAL.R1 * (1 + 1e-3 * charge)
+        rise = NOMINAL.R1 * (1 + 0.5 * charge / (500.0 + charge))
         return (rise + NOMINAL.R2) / (0.9 * NOMINAL.R2 - charge / NOMINAL.C)
 
     elapsed = quad(seconds_per_coulomb, 0, rig.truth["charge"][200], epsabs=1e-12, epsrel=1e-12)[0]
@@ -259,18 +262,11 @@ def test_quantisation_rounds_to_whole_counts():
 
 
 def test_drawn_specimens():
-    assert RigParameters.aged(1) == RigParameters.aged(1) != RigParameters.aged(2)
     assert RigParameters.scattered(1) == RigParameters.scattered(1) != RigParameters.scattered(2)
     assert RigParameters.scattered(1, spread=0.0) == NOMINAL
     nominal = np.array(list(asdict(NOMINAL).values()))
     factors = np.array([list(asdict(RigParameters.scattered(s)).values()) for s in range(1000)]) / nominal
     np.testing.assert_allclose(np.std(np.log(factors), axis=0), 0.15, rtol=4 / np.sqrt(2 * 1000))
-    for seed in range(50):
-        worn = RigParameters.aged(seed)
-        assert worn.R1 > NOMINAL.R1
-        assert worn.R2 < NOMINAL.R2
-        assert worn.C < NOMINAL.C
-        assert worn.alpha < NOMINAL.alpha
 
 
 def test_voltage_agrees_with_lsim_of_the_state_space_form():

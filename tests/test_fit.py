@@ -5,14 +5,18 @@ Oracles: the emulated rig (own equations), least squares of scipy on solutions o
 
 from dataclasses import asdict
 from functools import partial
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from fmus.kit import Component, Input, Output, Parameter, State, UserError
+from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
+from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.identify.grey_box import autoregression, fit
 from orchestration.identify.residuals import fit_percent, whiteness
@@ -76,6 +80,70 @@ def test_start_values_are_parameters_too():
     measured = {"voltage": quiet(TRUTH, initial_charge=-0.6).run(time, **inputs)["voltage"]}
     result = fit(PpyActuator, time, inputs, measured, [*ELECTRICAL, "charge_start"])
     assert result.values == pytest.approx({n: TRUE[n] for n in ELECTRICAL} | {"charge_start": -0.6}, rel=1e-6)
+
+
+# effect -> argument of with_effects, true value; the effect itself says which of its parameters switches it
+HIDDEN = {
+    "double_layer": ("resistance", 0.3),
+    "resistance_growth": ("growth", 5e-3),
+    "quadratic_strain": ("beta", -4e-6),
+    "strain_saturation": ("saturation", 0.05),
+    "strain_lag": ("lag", 1.5),
+}
+
+
+def with_effects(time, current, resistance=0.0, growth=0.0, beta=0.0, saturation=0.0, lag=0.0):
+    """Voltage and charge's elongation by scipy, the equations written out: charge, throughput, pending, interface."""
+    p, tau, shortest = RigParameters(), 0.2, 0.05
+
+    def charging(x, i):
+        films = x[0] / p.C + resistance * x[3]
+        return (p.R2 * i - films) / (p.R1 * (1 + growth * x[1]) + p.R2)
+
+    def slope(_, x, i):
+        rate = charging(x, i)
+        return [rate, abs(rate), rate - x[2] / (lag + shortest), (rate - x[3]) / tau]
+
+    states = np.zeros((4, time.size))
+    for a, b in pairwise([0, *(np.flatnonzero(np.diff(current)) + 1), time.size - 1]):
+        span = (time[a], time[b])
+        solution = solve_ivp(slope, span, states[:, a], "DOP853", time[a : b + 1], args=(current[a],), rtol=1e-9)
+        states[:, a : b + 1] = solution.y
+    charge, leaked = states[0], p.R2 * (current - charging(states, current))
+    elongation = p.alpha * (charge - lag / (lag + shortest) * states[2]) + beta * charge**2
+    if saturation:
+        elongation = p.alpha * np.tanh(np.sqrt(saturation) * charge) / np.sqrt(saturation)
+    return leaked, elongation
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_is_fitted_from_its_neutral_value(effect):
+    """Neutral is the end of the range of most; other parameters start off, too."""
+    (argument, value), name = HIDDEN[effect], EFFECTS[effect].neutral
+    time, inputs = stimulus(120.0, 0.1)
+    voltage, elongation = with_effects(time, inputs["current"], **{argument: value})
+    rig = quiet()
+    rig.run(time, **inputs)
+    measured = {"voltage": voltage, "displacement": elongation + rig.truth["mechanical_displacement"]}
+    again = partial(fit, stack(PpyActuator, EFFECTS[effect]), time, inputs, measured)
+    result = again([name, "R1", "alpha"], {"R1": 0.6})
+    assert result.warnings == []
+    assert result.estimates[name].nominal == 0.0
+    assert result.values == pytest.approx({name: value, "R1": 0.43, "alpha": 6.8e-5}, rel=1e-4)
+    alone = again([name])
+    assert alone.values == pytest.approx({name: value}, rel=1e-4)
+    assert alone.evaluations < 25
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_that_is_not_there_is_not_made_up(effect):
+    """Fitted to a rig without it, in noise: its interval holds the neutral value, at the end of the range of most."""
+    time, inputs = stimulus(120.0, 0.1)
+    name, measured = EFFECTS[effect].neutral, EmulatedRig(seed=1).run(time, **inputs)
+    estimates = fit(stack(PpyActuator, EFFECTS[effect]), time, inputs, measured, [name, "R1", "C", "alpha"]).estimates
+    low, high = estimates[name].interval
+    assert low <= 0.0 <= high
+    assert high - low < 0.1 * abs(HIDDEN[effect][1])
 
 
 def test_gaps_in_an_output_are_left_out():
@@ -231,8 +299,8 @@ def test_mistakes_are_told():
         again(measured, ["R1", "C", "R1"])
     with pytest.raises(UserError, match="no parameter named 'R9'"):
         again(measured, ["R9"])
-    with pytest.raises(UserError, match="cannot start at 0: allowed is between 0 and 1e\\+06 ohm, ends excluded"):
-        again(measured, ["R1"], {"R1": 0.0})
+    with pytest.raises(UserError, match=r"fit of R1 cannot start at -1 ohm; allowed is 0 … 1e\+06 ohm"):
+        again(measured, ["R1"], {"R1": -1.0})
     few = {"voltage": np.where(np.arange(time.size) < 2, measured["voltage"], np.nan)}
     with pytest.raises(UserError, match="3 parameters cannot be fitted to 2 measured values"):
         again(few, ELECTRICAL)
@@ -272,6 +340,9 @@ def test_creep_of_a_melt_agrees_with_least_squares_on_the_solution_on_paper(publ
     assert not whiteness(y - paper(own.x)).is_white  # one creep time is too few for this melt
     relative = least_squares(misfit, start, max_nfev=2000, args=(1e-3,))
     assert fit_percent(y, paper(relative.x)) == pytest.approx(95.05, abs=0.1)
+    explanation = (Path(__file__).parents[1] / "docs" / "explanation.md").read_text(encoding="utf-8")
+    for values in (own.x, relative.x):
+        assert f"{fit_percent(y, paper(values)):.2f} %" in explanation
 
 
 def cell(public_data, age):

@@ -1,11 +1,14 @@
+import math
+import re
 import subprocess
 import sys
 
 import pytest
 
 import fmus
-from fmus.kit import Component, Output, Parameter, State, UserError, stack
+from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, Preset, State, UserError, stack
 from fmus.kit.declare import OutputDeclaration, ParameterDeclaration
+from fmus.ppy_actuator.model import PpyActuator
 
 from .kit_samples import Curved, Divider, Doubled, Thermostat, Warmer
 
@@ -141,11 +144,122 @@ def test_an_effect_twice_is_refused():
         stack(stack(Thermostat, Warmer), Doubled, Warmer)
 
 
+def test_two_effects_of_one_id_are_refused():
+    class Other(Effect):
+        id = "warmer"
+
+    with pytest.raises(UserError, match="thermostat: effect 'warmer' is laid over it twice"):
+        stack(Thermostat, Warmer, Other)
+
+
+def test_a_variable_of_two_classes_is_refused():
+    class Reheated(Effect):
+        id = "reheated"
+        extra = Parameter(0.0, "W")
+
+    class Shadow(Effect):
+        id = "shadow"
+        loss = Parameter(0.0, "W/K")
+
+    class Startled(Effect):
+        id = "startled"
+        temperature_start = Parameter(0.0, "K")
+
+    with pytest.raises(UserError, match="thermostat: Warmer and Reheated both declare variable 'extra'"):
+        stack(Thermostat, Warmer, Reheated)
+    with pytest.raises(UserError, match="thermostat: Thermostat and Shadow both declare variable 'loss'"):
+        stack(Thermostat, Shadow)
+    with pytest.raises(UserError, match="variable 'temperature_start' is declared twice"):
+        stack(Thermostat, Startled)
+
+
+def test_effects_may_share_what_one_base_declares():
+    class Shared(Effect):
+        size = Parameter(0.0, "1")
+
+    class One(Shared):
+        id = "one"
+
+    class Two(Shared):
+        id = "two"
+
+    assert [p.name for p in stack(Divider, One, Two).layout.parameters] == ["upper", "lower", "size"]
+
+
+def declare(concrete=True, **body):
+    """A component class with this body; a law named ``law`` is there."""
+    return type("Faulty", (Component,), {"law": lambda self: 1.0, "name": "faulty" if concrete else ""} | body)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "time", "tolerance", "experiment", "presets", "declared", "layout", "start", "laws", "rates", "outputs",
+        "author", "license", "law", "_hidden", "lambda", "a b", "1a", "",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("variable", [lambda: Parameter(1.0, "1"), lambda: Output("1")(lambda self: 1.0)])
+def test_names_that_cannot_be_variables_are_refused(name, variable):
+    body = {name: variable()}
+    if name == "law" and isinstance(body[name], OutputDeclaration):
+        declare(**body)  # replaces the method
+        return
+    with pytest.raises(UserError, match=rf"test_kit_declarations.Faulty: variable '{re.escape(name)}' "):
+        type("Faulty", (declare(),), {"__module__": __name__} | body)
+
+
+@pytest.mark.parametrize(
+    ("variable", "message"),
+    [
+        (Parameter(2.0, "V", max=1.0), "starts at 2 V, outside its range, -inf to 1 V"),
+        (Parameter(math.nan, "V"), "starts at nan V, outside"),
+        (Input("V", min=1.0), "starts at 0 V, outside its range, 1 to inf V"),
+        (Parameter(1.0, "V", min=1.0, max=1.0), "has an empty range, 1 to 1 V"),
+        (Parameter(1.0, "V", nominal=0.0), "has the nominal value 0 V; it must be positive"),
+        (State("V", rate="law", nominal=-1.0), "has the nominal value -1 V"),
+        (State("V", rate="lwa"), "has the rate 'lwa', which is no method"),
+        (State("V", rate="tolerance"), "has the rate 'tolerance', which is no method"),
+        (Discrete("V", update="lwa", period=0.1), "has the update 'lwa', which is no method"),
+        (Discrete("V", update="law", period="priod"), "has the period 'priod', which is neither a parameter nor"),
+        (Discrete("V", update="law", period=0.0), "has the period 0.0, which is neither"),
+    ],
+)  # fmt: skip
+def test_declarations_that_cannot_work_are_refused(variable, message):
+    with pytest.raises(UserError, match=f"Faulty: variable 'v' {message}"):
+        declare(v=variable)
+
+
+def test_what_an_abstract_base_leaves_open_is_for_its_subclass():
+    base = declare(concrete=False, v=State("V", rate="missing"))
+    with pytest.raises(UserError, match="'v' has the rate 'missing'"):
+        type("Concrete", (base,), {"name": "concrete"})
+    cls = type("Concrete", (base,), {"name": "concrete", "missing": lambda self: 2.0})
+    assert cls().rates() == [2.0]
+
+
+def test_a_start_parameter_is_not_declared_beside_its_state():
+    with pytest.raises(UserError, match="'x_start' is declared twice"):
+        declare(x=State("1", rate="law"), x_start=Parameter(1.0, "1"))
+
+
 def test_components_are_found_by_name():
     for name in fmus.COMPONENTS:
         assert fmus.component(name).name == name
     with pytest.raises(UserError, match="did you mean ppy_actuator"):
         fmus.component("ppy_actuater")
+
+
+def test_effects_are_found_by_the_name_of_their_component(monkeypatch):
+    for name in fmus.COMPONENTS:
+        for key, effect in fmus.effects(name).items():
+            assert key == effect.id
+            assert effect.neutral in effect.declared
+            assert effect.assumption
+            assert stack(fmus.component(name), effect).name == f"{name}_with_{key}"
+    with pytest.raises(UserError, match="no component named 'x'"):
+        fmus.effects("x")
+    monkeypatch.setitem(fmus.COMPONENTS, "plain", "kit.component:Component")
+    assert fmus.effects("plain") == {}
 
 
 def test_variables_have_unique_names_and_proper_ranges():
@@ -170,3 +284,25 @@ def test_a_component_without_variables():
 
     assert Empty.layout.names == []
     assert Empty().rates() == Empty().outputs() == []
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ({"n": Parameter(2.5, "1", type="integer")}, "is an integer but starts at 2.5"),
+        ({"n": State("1", rate="rate", type="integer")}, "a continuous state is real"),
+        ({"n": Parameter(1, "1", type="text")}, "is of type 'text'"),
+        ({"α": Parameter(1.0, "1")}, "ASCII identifier"),
+        ({"name": "my component"}, "'my component' must be an ASCII identifier"),
+        ({"presets": {"big": Preset({"gone": 1.0}, "")}}, "preset 'big' sets gone to 1"),
+        ({"k": Parameter(1.0, "1", max=5.0), "presets": {"big": Preset({"k": 9.0}, "")}}, "preset 'big' sets k to 9"),
+    ],
+)
+def test_what_would_show_far_away_is_told_at_the_class(body, says):
+    with pytest.raises(UserError, match=re.escape(says)):
+        type("Wrong", (Component,), {"name": "wrong", "rate": lambda self: 0.0} | body)
+
+
+def test_a_plain_value_over_a_declaration_is_refused():
+    with pytest.raises(UserError, match="'R1' has the name of something else"):
+        type("Stiffer", (PpyActuator,), {"name": "stiffer", "R1": 0.6})

@@ -12,7 +12,7 @@ import pytest
 from fmpy.validation import validate_fmu
 
 import fmus
-from fmus.kit import Component, Output, Parameter, UserError, archive, build, codegen, stack, toolchain
+from fmus.kit import Component, Effect, Output, Parameter, UserError, archive, build, codegen, stack, toolchain
 from fmus.kit.description import CATEGORIES, Capabilities, describe
 from fmus.kit.documentation import allowed, page, shown
 from fmus.kit.parameters import to_ssv
@@ -138,6 +138,26 @@ def test_header_and_experiment():
     assert [float(x) for x in (experiment.startTime, experiment.stopTime, experiment.stepSize)] == [0.0, 60.0, 0.5]
     root = lxml.etree.fromstring(description(Thermostat))
     assert {c.get("name") for c in root.iter("Category")} == set(CATEGORIES)
+
+
+def test_author_and_licence_are_the_components_own():
+    def origin(cls):
+        root = lxml.etree.fromstring(description(cls))
+        return root.get("author"), root.get("license")
+
+    class Signed(Divider):
+        author = "A. Person"
+
+    ours = fmus.component("ppy_actuator")
+    project = ("the ppy-rig project", "BSD-3-Clause")
+    assert origin(ours) == origin(stack(ours, *EFFECTS.values())) == project
+    assert origin(Divider) == (None, None)
+    assert origin(Signed) == ("A. Person", None)
+
+    class Own(Effect):
+        id = "own"
+
+    assert origin(stack(ours, Own)) == (None, None)
 
 
 def test_awkward_texts_are_escaped():

@@ -6,10 +6,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmus.kit import clip, cos, exp, floor, log, maximum, minimum, sign, sin, sqrt, tanh, where
+from fmus.kit import (
+    absolute,
+    arccos,
+    arctan2,
+    clip,
+    cos,
+    exp,
+    floor,
+    hypot,
+    log,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    minimum,
+    sign,
+    sin,
+    sqrt,
+    tanh,
+    where,
+)
 
 UNARY = {
     "exp": exp, "log": log, "sqrt": sqrt, "sin": sin, "cos": cos, "tanh": tanh, "floor": floor, "sign": sign,
+    "absolute": absolute, "arccos": arccos,
 }  # fmt: skip
 EDGES = [0.0, -0.0, 1.0, -1.0, 0.5, 710.0, -746.0, 1e308, -1e308, 5e-324, math.inf, -math.inf, math.nan]
 reals = st.one_of(st.sampled_from(EDGES), st.floats(-1e3, 1e3))
@@ -51,7 +72,8 @@ def test_floats_arrays_and_symbols_agree(name, x):
         (log, -1.0, math.nan), (sqrt, -1.0, math.nan), (sin, math.inf, math.nan), (cos, -math.inf, math.nan),
         (tanh, math.inf, 1.0), (floor, -math.inf, -math.inf), (floor, math.inf, math.inf), (floor, math.nan, math.nan),
         (floor, -0.5, -1.0), (sign, math.nan, math.nan), (sign, -0.0, 0.0), (sign, -3.0, -1.0),
-        (exp, math.nan, math.nan), (sqrt, 2.25, 1.5), (exp, True, math.e), (floor, 3, 3.0),
+        (arccos, 1.5, math.nan), (arccos, -1.0, math.pi), (arccos, math.inf, math.nan), (absolute, -math.inf, math.inf),
+        (absolute, True, 1.0), (exp, math.nan, math.nan), (sqrt, 2.25, 1.5), (exp, True, math.e), (floor, 3, 3.0),
     ],
 )  # fmt: skip
 def test_special_values_are_those_of_c(function, x, expected):
@@ -70,6 +92,43 @@ def test_extrema_agree_and_pass_over_nan(a, b):
         assert alike(float(function(np.array([a]), b)[0]), expected)
         if math.isfinite(a):  # an infinite limit CasADi drops from the graph, and with it what it does to a NaN
             assert alike(symbolic(lambda x, a=a, function=function: function(a, x), b), expected)
+
+
+@pytest.mark.parametrize(("function", "reference"), [(arctan2, np.arctan2), (hypot, np.hypot)])
+@given(a=reals, b=reals)
+def test_functions_of_two_agree_with_those_of_c(function, reference, a, b):
+    with np.errstate(all="ignore"):
+        expected = float(reference(a, b))
+    value = function(a, b)
+    assert isinstance(value, float)
+    assert alike(value, expected)
+    assert alike(on_array(function, a, b), expected)
+    assert alike(symbolic(function, a, b), expected)
+    with np.errstate(all="ignore"):
+        assert alike(float(function(a, np.array([b]))[0]), expected)
+        assert alike(float(function(np.array([a]), b)[0]), expected)
+
+
+def test_two_that_are_known():
+    assert arctan2(1.0, -1.0) == pytest.approx(0.75 * math.pi)
+    assert hypot(3.0, -4.0) == 5.0
+    assert hypot(1e300, 1e300) == pytest.approx(math.sqrt(2.0) * 1e300)
+
+
+@given(a=st.floats(-2, 2), b=st.floats(-2, 2))
+def test_conditions_are_combined(a, b):
+    for function, expected in (
+        (lambda x, y: logical_and(x > 0.5, y < 1.0), a > 0.5 and b < 1.0),
+        (lambda x, y: logical_or(x > 0.5, y < 1.0), a > 0.5 or b < 1.0),
+        (lambda x, y: logical_not(x > y), not a > b),
+        (lambda x, y: logical_and(True, x > y), a > b),
+        (lambda x, y: logical_or(x > y, 0.0), a > b),
+        (lambda x, y: logical_and(x, logical_not(y)), bool(a) and not b),
+    ):
+        assert function(a, b) is expected
+        assert on_array(function, a, b) == expected
+        assert symbolic(function, a, b) == expected
+        assert where(function(a, b), 2.0, 3.0) == symbolic(lambda x, y, f=function: where(f(x, y), 2.0, 3.0), a, b)
 
 
 @given(x=reals, low=st.floats(-10, 0), high=st.floats(0, 10))

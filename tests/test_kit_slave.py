@@ -10,11 +10,12 @@ from scipy.linalg import expm
 
 import fmus
 from fmus.kit import Component, State, build, sqrt, stack
+from fmus.kit.compiled import CompiledModel
 from fmus.kit.integrate import Integrator
 from fmus.kit.slave import Slave
 from fmus.ppy_actuator.effects import EFFECTS
 
-from .kit_samples import Thermostat
+from .kit_samples import Mixed, Thermostat
 
 
 def slave(cls, start_time=0.0, **values):
@@ -111,6 +112,50 @@ def test_what_a_law_raises_becomes_a_sentence():
     assert "\n" not in sentence
     instance, _ = slave(Undefined)
     assert instance.advance(0.0, 1.0) == "not finite: x at 0 s"
+
+
+def test_variables_may_have_the_names_that_the_machinery_uses():
+    exact = expm(np.array([[-0.5, 0.0, 0.5], [2.0, -2.0, 0.0], [0.0, 0.0, 0.0]]) * 2.0) @ [0.0, 0.3, 1.0]
+    sampled = sum(1.0 - math.exp(-0.5 * 0.25 * k) for k in range(8))
+    instance, memory = slave(Mixed)
+    for k in range(5):
+        assert instance.advance(k * 0.4, 0.4) is None
+    assert instance.evaluate(2.0) is None
+    found = dict(zip(Mixed.layout.names, memory, strict=False))
+    compiled = CompiledModel(Mixed).run(0.4 * np.arange(6), {}).signals
+    for names in (found, {name: signal[-1] for name, signal in compiled.items()}):
+        assert [names["m"], names["x0"]] == pytest.approx(exact[:2], rel=1e-7)
+        assert names["n0"] == pytest.approx(exact[0] - exact[1], rel=1e-7)
+        assert names["y"] == pytest.approx(sampled, rel=1e-7)
+    assert [found["h"], found["w"], found["t"]] == [0.5, 2.0, 1.0]
+
+
+def test_an_interrupt_ends_the_call_with_a_sentence_and_reaches_the_host():
+    code = """
+import signal, time
+from array import array
+from fmus.kit import Component, State
+from fmus.kit.slave import Slave
+
+class Interrupted(Component):
+    name = "interrupted"
+    x = State("1", rate="law")
+
+    def law(self):
+        signal.raise_signal(signal.SIGINT)
+        return 1.0
+
+instance = Slave(Interrupted, memoryview(array("d", [0.0, 0.0, 0.0, float("inf"), 0.0, 1e-8, 1.0])))
+try:
+    sentence = instance.advance(0.0, 1.0)
+    print("told", "KeyboardInterrupt" in sentence, flush=True)
+    for _ in range(1000):
+        time.sleep(0.01)
+except KeyboardInterrupt:
+    print("seen")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=15)
+    assert done.stdout.split() == ["told", "True", "seen"]
 
 
 def test_memory_is_released_on_close():

@@ -117,6 +117,11 @@ def test_points_take_defaults_and_refuse_what_does_not_exist():
     assert inputs.tolist() == [280.0, 0.0]
     assert states.tolist() == [300.0, 0.0]
     assert discretes.tolist() == [1.0, 0.0, 290.0]
+    _, _, states, discretes = GRAPHS[Thermostat].point(
+        temperature_start=301.0, energy_start=5.0, energy=7.0, on_start=1.0
+    )
+    assert states.tolist() == [301.0, 7.0]
+    assert discretes.tolist() == [1.0, 0.0, 290.0]
     with pytest.raises(UserError, match="thermostat: no parameter, input or state named 'los'"):
         GRAPHS[Thermostat].linearise(los=1.0)
 

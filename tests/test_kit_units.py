@@ -110,3 +110,17 @@ def test_every_declared_unit_is_si_and_fits_its_display_unit():
 
 def test_there_is_one_registry():
     assert units.registry() is units.registry()
+
+
+@pytest.mark.parametrize(
+    ("unit", "to"), [("Hz", "rpm"), ("turn/s", "Hz"), ("deg/s", "Hz"), ("Hz", "rad/s"), ("deg", "1")]
+)
+def test_an_angle_is_not_a_number(unit, to):
+    with pytest.raises(UserError, match="cannot be converted"):
+        units.convert(1.0, unit, to)
+
+
+def test_angles_convert_among_themselves():
+    assert units.convert(60.0, "rpm", "rad/s") == pytest.approx(2.0 * math.pi)
+    assert units.convert(180.0, "deg", "rad") == pytest.approx(math.pi)
+    assert units.convert(1.0, "kHz", "1/s") == pytest.approx(1000.0)

@@ -1,7 +1,12 @@
 """Each effect is exactly the base model at its neutral value, and what its equation says elsewhere."""
 
+import ast
+import inspect
 import itertools
 import math
+import re
+import textwrap
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -11,25 +16,21 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
+import fmus
 from fmus.kit import stack
+from fmus.kit.compiled import CompiledModel
 from fmus.kit.integrate import Integrator
 from fmus.kit.trace import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 
 BASES = [PpyActuator, PpyActuatorLengthDriven]
-NEUTRAL = {
-    "double_layer": "double_layer_resistance",
-    "resistance_growth": "resistance_growth_rate",
-    "quadratic_strain": "beta",
-    "strain_saturation": "inverse_saturation_charge",
-    "strain_lag": "lag_time",
-}
+NEUTRAL = {name: effect.neutral for name, effect in EFFECTS.items()}
 ACTIVE = {
     "double_layer": {"double_layer_resistance": 0.2, "double_layer_time": 0.3},
     "resistance_growth": {"resistance_growth_rate": 0.02},
     "quadratic_strain": {"beta": 7e-6},
-    "strain_saturation": {"inverse_saturation_charge": 0.4},
+    "strain_saturation": {"strain_saturation_coefficient": 0.4**2},
     "strain_lag": {"lag_time": 1.5},
 }
 # what an active effect changes, beside its own state; in the length-driven actuator elongation changes the tension
@@ -71,13 +72,14 @@ def named(cls, values):
 
 
 def test_catalogue():
-    assert list(EFFECTS) == list(NEUTRAL)
+    numbered = re.findall(r"^(\d+)\. ", (Path(fmus.__file__).parent / "ppy_actuator" / "README.md").read_text(), re.M)
     for name, effect in EFFECTS.items():
         assert effect.id == name
         assert effect.__doc__
+        assert str(effect.assumption) in numbered
+        assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
         own = [v for v in effect.declared.values() if v.name in {p.name for p in effect.layout.parameters}]
         assert NEUTRAL[name] in [v.name for v in own]
-        assert effect.declared[NEUTRAL[name]].start == 0.0
         for v in effect.declared.values():
             assert v.doc
             assert v.unit
@@ -226,7 +228,7 @@ def test_quadratic_strain_follows_its_equation(base):
 @settings(deadline=None)
 @given(charge=st.floats(-20, 20), saturation=st.floats(0.01, 1e3))
 def test_strain_saturation_follows_its_equation(base, charge, saturation):
-    model = stack(base, EFFECTS["strain_saturation"])(inverse_saturation_charge=1.0 / saturation)
+    model = stack(base, EFFECTS["strain_saturation"])(strain_saturation_coefficient=saturation**-2.0)
     model.charge = charge
     exact = ALPHA * saturation * math.tanh(charge / saturation)
     assert model.electrochemical_displacement() == pytest.approx(exact, rel=1e-13, abs=1e-300)
@@ -234,11 +236,11 @@ def test_strain_saturation_follows_its_equation(base, charge, saturation):
 
 def test_strain_saturation_is_smooth_where_the_series_takes_over():
     cls = stack(PpyActuator, EFFECTS["strain_saturation"])
-    for z in np.geomspace(0.9e-4, 1.1e-4, 201):
-        model = cls(inverse_saturation_charge=1.0)
+    for z in np.geomspace(0.9e-3, 1.1e-3, 201):
+        model = cls(strain_saturation_coefficient=1.0)
         model.charge = float(z)
         # tanh(z) = z - z^3/3 + 2 z^5/15 - ...
-        assert model.electrochemical_displacement() == pytest.approx(ALPHA * (z - z**3 / 3 + 2 * z**5 / 15), rel=4e-16)
+        assert model.electrochemical_displacement() == pytest.approx(ALPHA * (z - z**3 / 3 + 2 * z**5 / 15), rel=5e-16)
 
 
 @bases
@@ -338,9 +340,9 @@ def test_two_strain_effects_are_the_combined_law(seed):
 
     for order in itertools.permutations(("quadratic_strain", "strain_lag")):
         found, v = elongation(*order)
-        q, lag = v["charge"], v["lag_time"]
-        exact = v["alpha"] * (q - lag / (lag + 0.05) * v["pending_charge"]) + v["beta"] * q**2
-        assert found == pytest.approx(exact, rel=1e-11, abs=1e-16)
+        acted = v["charge"] - v["lag_time"] / (v["lag_time"] + 0.05) * v["pending_charge"]
+        squared = acted if order[1] == "strain_lag" else v["charge"]  # the lag holds for what lies below it
+        assert found == pytest.approx(v["alpha"] * acted + v["beta"] * squared**2, rel=1e-11, abs=1e-16)
 
     found, v = elongation("quadratic_strain", "strain_saturation")
     z = 0.4 * v["charge"]
@@ -352,12 +354,12 @@ def test_two_strain_effects_are_the_combined_law(seed):
 @bases
 @pytest.mark.parametrize("pair", list(itertools.combinations(EFFECTS, 2)), ids="+".join)
 def test_order_does_not_matter_where_laws_differ(base, pair):
-    """Only saturation scales what lies below it; every other pair commutes but for rounding."""
+    """Elongations of three effects are laid one over the other; every other pair commutes but for rounding."""
     forth, back = (stack(base, *(EFFECTS[n] for n in order)) for order in (pair, pair[::-1]))
-    values = random_values(forth, 5) | ACTIVE[pair[0]] | ACTIVE[pair[1]] | {"length_change": 5e-3}
+    values = random_values(forth, 5) | ACTIVE[pair[0]] | ACTIVE[pair[1]] | {"length_change": 5e-3, "charge": 3.0}
     values = {n: v for n, v in values.items() if n in forth.layout.names}
     one, other = named(forth, values), named(back, values)
-    if "strain_saturation" in pair and {"quadratic_strain", "strain_lag"} & set(pair):
+    if {"strain_saturation", "quadratic_strain", "strain_lag"}.issuperset(pair):
         assert one["electrochemical_displacement"] != pytest.approx(other["electrochemical_displacement"], rel=1e-6)
     else:
         assert one == pytest.approx(other, rel=1e-12, abs=1e-18)
@@ -391,3 +393,42 @@ def test_parameter_sensitivities_are_finite_at_neutral(base):
     f = ca.Function("j", graph.arguments, [ca.jacobian(expressions, known)])
     for charge in (0.0, 1.0):
         assert np.isfinite(f(0.0, *graph.point(charge=charge, current=0.5)).full()).all()
+
+
+@bases
+@effects
+def test_sensitivity_at_neutral_is_that_of_central_differences_and_not_zero(base, name):
+    """Where identification begins: a slope of zero there would hide the effect from it."""
+    time = STEP * np.arange(STEPS)
+    inputs = {"current": CURRENT} | ({"force": 1.0 + 0.0 * time} if base is PpyActuator else {})
+    inputs |= {"length_change": 1e-3 + 0.0 * time} if base is PpyActuatorLengthDriven else {}
+    neutral, cls = NEUTRAL[name], stack(base, EFFECTS[name])
+    declared = cls.declared | EFFECTS[name].declared
+    found = CompiledModel(cls, [neutral]).run(time, inputs).sensitivities
+    model, step = CompiledModel(cls), 1e-3 * declared[neutral].nominal
+    ends = [model.run(time, inputs, {neutral: s * step}).signals for s in (1.0, -1.0)]
+    seen = []
+    for output in (o.name for o in base.layout.outputs):
+        slope = (ends[0][output] - ends[1][output]) / (2.0 * step)
+        floor = 1e-8 * np.abs(ends[0][output]).max() / step  # what the accuracy of the two runs leaves of nothing
+        assert found[output][:, 0] == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max() + floor)
+        seen.append(np.abs(slope * declared[neutral].nominal).max() / ends[0][output].std())
+    assert max(seen) > 1e-3  # a change by the nominal value is seen
+
+
+# --- the rule that keeps laws and measurements apart ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", fmus.COMPONENTS)
+def test_no_law_uses_an_output(name):
+    """Then an effect of the measurement, laid over an output, cannot change the physics."""
+    component = fmus.component(name)
+    outputs = {o.name for o in component.layout.outputs}
+    assert not outputs & {s.rate for s in component.layout.states}
+    assert not outputs & {d.update for d in component.layout.discretes}
+    classes = {part for cls in (component, *fmus.effects(name).values()) for part in cls.__mro__}
+    for cls in (c for c in classes if c.__module__.startswith(component.__module__.rpartition(".")[0])):
+        tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
+        for law in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+            used = {node.attr for node in ast.walk(law) if isinstance(node, ast.Attribute)}
+            assert not used & (outputs - {law.name}), f"{cls.__name__}.{law.name}"

@@ -51,7 +51,7 @@ cell = st.one_of(st.integers(-5, 5).map(float), st.just(math.nan), st.just(math.
 def test_repair_is_idempotent(tmp_path, rows):
     lines = [f"{t / 4},{u},{y}" for t, u, y in rows]
     path = tmp_path / "r.csv"
-    path.write_text("\n".join(["time [s],u [V],y [m]", *lines]) + "\n")
+    path.write_text("\n".join(["time [s],u [V],y [m]", *lines]) + "\n", encoding="utf-8")
     first, message = attempt(path)
     if first is None:
         assert message.startswith(f"{path}: ")
@@ -79,7 +79,7 @@ def test_any_bytes_give_a_record_or_one_line(tmp_path, content):
 @given(text=st.text(alphabet='time [s],u[V]\n0123.;\t"#-e', max_size=120))
 def test_any_text_below_a_header_gives_a_record_or_one_line(tmp_path, text):
     path = tmp_path / "r.csv"
-    path.write_text("time [s],u [V]\n" + text)
+    path.write_text("time [s],u [V]\n" + text, encoding="utf-8")
     record, message = attempt(path)
     assert "\n" not in message
     if record is not None:
@@ -89,7 +89,7 @@ def test_any_text_below_a_header_gives_a_record_or_one_line(tmp_path, text):
 def test_numbers_are_written_with_no_more_digits_than_needed(tmp_path):
     write_record(tmp_path / "r.csv", [0, 0.1], {"a,b": [1 / 3, math.nan], "y": [1e-3, 2]}, {"a,b": "V", "y": "1"})
     expected = 'time [s],"a,b [V]",y [1]\n0.0,0.3333333333333333,0.001\n0.1,,2.0\n'
-    assert (tmp_path / "r.csv").read_text() == expected
+    assert (tmp_path / "r.csv").read_text(encoding="utf-8") == expected
     record = read_record(tmp_path / "r.csv", {"a,b": "V", "y": "1"})
     assert record.signals["a,b"][0] == 1 / 3
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from fmus.kit import UserError
 from orchestration import stimuli
 
 TIME = np.arange(0, 100, 0.1)
@@ -120,5 +121,5 @@ def test_multisine_has_exactly_its_lines():
     ],
 )
 def test_refusals_name_what_is_wrong(call, text):
-    with pytest.raises(ValueError, match=text):
+    with pytest.raises(UserError, match=text):
         call()

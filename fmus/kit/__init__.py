@@ -6,9 +6,30 @@ Importing this package is cheap; it needs only the standard library, because it 
 from .component import Component, Effect, stack
 from .declare import Discrete, Input, Output, Parameter, Preset, State
 from .errors import UserError
-from .functions import clip, cos, exp, floor, log, maximum, minimum, sign, sin, sqrt, tanh, where
+from .functions import (
+    absolute,
+    arccos,
+    arctan2,
+    clip,
+    cos,
+    exp,
+    floor,
+    hypot,
+    log,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    minimum,
+    sign,
+    sin,
+    sqrt,
+    tanh,
+    where,
+)
 
 __all__ = [
     "Component", "Discrete", "Effect", "Input", "Output", "Parameter", "Preset", "State", "UserError",
-    "clip", "cos", "exp", "floor", "log", "maximum", "minimum", "sign", "sin", "sqrt", "stack", "tanh", "where",
+    "absolute", "arccos", "arctan2", "clip", "cos", "exp", "floor", "hypot", "log", "logical_and", "logical_not",
+    "logical_or", "maximum", "minimum", "sign", "sin", "sqrt", "stack", "tanh", "where",
 ]  # fmt: skip

@@ -141,7 +141,7 @@ def build_cached(cls: type[Component], runtime: str) -> Path:
     target = toolchain.host_platform()
     path = toolchain.cache_folder() / f"{planned.guid.strip('{}')}-{target}" / f"{cls.name}.fmu"
     if not path.exists():
-        archive.write(path, archive.pack(planned.files | _binaries(planned, [target], lambda text: None)))
+        archive.write_once(path, archive.pack(planned.files | _binaries(planned, [target], lambda text: None)))
     return path
 
 
@@ -231,7 +231,7 @@ def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
         "fmi-ls:fmi-ls-version": "1.0.0-alpha.1", "fmi-ls:fmi-ls-description": "files related to this FMU"},
     )  # fmt: skip
     stop, step = (
-        re.findall(rf"^{key},(.*)$", (folder / f"{cls.name}_ref.opt").read_text(), re.M)[0]
+        re.findall(rf"^{key},(.*)$", (folder / f"{cls.name}_ref.opt").read_text(encoding="utf-8"), re.M)[0]
         for key in ("StopTime", "StepSize")
     )
     experiments = Element("Experiments", name=cls.name)
@@ -258,9 +258,11 @@ def _python_package(cls: type[Component]) -> dict[str, bytes]:
     modules, places = bundle((base, *effects))
     files |= modules
     imports = ["from .kit import stack", "from .kit.slave import Slave"]
-    imports += [f"from .{place} import {used.__name__}" for used, place in places.items()]
-    stacked = ", ".join(c.__name__ for c in (base, *effects))
-    model = f"stack({stacked}, name={cls.name!r})" if effects else base.__name__
+    # classes of different modules may share a name
+    parts = {used: f"Part{n}" for n, used in enumerate(places)}
+    imports += [f"from .{place} import {used.__name__} as {parts[used]}" for used, place in places.items()]
+    stacked = ", ".join(parts[c] for c in (base, *effects))
+    model = f"stack({stacked}, name={cls.name!r})" if effects else parts[base]
     entry = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(sorted(imports))
     entry += f"\n\nMODEL = {model}\n\n\ndef create(memory):\n    return Slave(MODEL, memory)\n"
     files["__init__.py"] = entry.encode()

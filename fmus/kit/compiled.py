@@ -49,22 +49,22 @@ class CompiledModel:
 
     Parameters
     ----------
-    cls : type[Component]
+    model : type[Component] or Graph
+        The component, or what it was traced to.
     sensitivities : sequence of str
         Parameters (start values included) with respect to which derivatives are wanted.
 
     Raises
     ------
     UserError
-        If a name is not a parameter, or there is no C compiler.
+        If there can be no sensitivity to a name (see :func:`.with_sensitivities`), or there is no C compiler.
     """
 
-    def __init__(self, cls: type[Component], sensitivities: Sequence[str] = ()):
-        base = trace(cls)
+    def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
+        base = model if isinstance(model, Graph) else trace(model)
         self.layout = base.layout
         self.names = list(sensitivities)
         self._graph = with_sensitivities(base, self.names)
-        self._tolerance = cls.tolerance
         self._simulate = _load(self._graph)
 
     def run(
@@ -95,9 +95,14 @@ class CompiledModel:
         Raises
         ------
         UserError
-            If a parameter is unknown or the simulation fails.
+            If an input or a parameter is unknown or the simulation fails.
         """
         layout = self._graph.layout
+        known = [v.name for v in layout.inputs]
+        unknown = [name for name in inputs if name not in known]
+        if unknown:
+            names = ", ".join(map(repr, unknown))
+            raise UserError(f"{self._graph.name}: no input named {names} (there are: {', '.join(known)})")
         values = {p.name: float(p.start) for p in layout.parameters}
         for name, value in (parameters or {}).items():
             if name not in values:
@@ -111,7 +116,7 @@ class CompiledModel:
         message = ctypes.create_string_buffer(1024)
         failed = self._simulate(
             n, _pointer(np.ascontiguousarray(time, dtype=float)), _pointer(table), int(linear),
-            _pointer(np.array(list(values.values()))), None, self._tolerance,
+            _pointer(np.array(list(values.values()))), self._graph.tolerance,
             _pointer(outputs), _pointer(states), message, len(message),
         )  # fmt: skip
         if failed:
@@ -148,14 +153,14 @@ def _load(graph: Graph) -> Any:
                 (Path(folder) / name).write_bytes(contents)
             parts = ("record.c", "native.c", "integrate.c", "model.c", "laws.c")
             everything = Path(folder) / "everything.c"  # one translation unit, as in the FMU
-            everything.write_text("".join(f'#include "{name}"\n' for name in parts))
+            everything.write_text("".join(f'#include "{name}"\n' for name in parts), encoding="utf-8")
             library = toolchain.compile_library(
-                [everything], [Path(folder), toolchain.fmi_headers()], target, defines=("PPY_RECORD",), libraries=("m",)
+                [everything], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
             )
-        archive.write(path, library)
+        archive.write_once(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate
     function.argtypes = [
-        ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, _DOUBLES, ctypes.c_double,
+        ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, ctypes.c_double,
         _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
     ]  # fmt: skip
     function.restype = ctypes.c_int

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
-from .declare import Declaration, Layout, Preset, arrange, take
+from .declare import Declaration, Layout, Preset, arrange, check, take
 from .errors import UserError
 
 
 class Component:
     """Base of every component: the class body declares variables, instance attributes are their current values.
 
-    Laws are methods without arguments that compute from ``self``. They are plain arithmetic and the functions of
-    :mod:`fmus.kit.functions`; no ``if`` on values, so that one source serves floats, NumPy arrays and CasADi symbols.
+    Laws are methods that compute from ``self``, without arguments where a declaration names them. They are plain
+    arithmetic and the functions of :mod:`fmus.kit.functions`; no ``if`` on values, so that one source serves floats,
+    NumPy arrays and CasADi symbols.
 
     Parameters
     ----------
@@ -29,6 +30,8 @@ class Component:
     ----------
     name : str
         Name of the FMU; empty for abstract bases and effects.
+    author, license : str
+        For the FMU's description; left out where empty.
     tolerance : float
         Declared accuracy of the internal integration: local error per internal step, relative to
         ``nominal + |state|``.
@@ -39,6 +42,8 @@ class Component:
     """
 
     name: ClassVar[str] = ""
+    author: ClassVar[str] = ""
+    license: ClassVar[str] = ""
     experiment: ClassVar[tuple[float, float]] = (100.0, 0.1)
     tolerance: ClassVar[float] = 1e-8
     presets: ClassVar[Mapping[str, Preset]] = {}
@@ -53,6 +58,7 @@ class Component:
         for base in reversed(cls.__mro__):
             found |= vars(base).get("declared", {})
         cls.layout = arrange(found.values())
+        check(cls, cls.layout)
 
     def __init__(self, **values: Any) -> None:
         layout = self.layout
@@ -87,15 +93,26 @@ class Component:
 class Effect(Component):
     """A known way a component is wrong: a mixin that overrides one law through ``super()``.
 
-    Its own parameters default to the value at which the law is exactly the base model's.
+    An effect of the physics overrides laws; an output is for effects of its measurement, which no law sees.
 
     Attributes
     ----------
     id : str
         Name in the effect catalogue.
+    neutral : str
+        The parameter that switches it: at the default value the component is exactly the one below.
+    assumption : int or str
+        What it relaxes: number of an assumption in the component's README, or words.
     """
 
     id: ClassVar[str] = ""
+    neutral: ClassVar[str] = ""
+    assumption: ClassVar[int | str] = ""
+
+
+def _owners(cls: type[Component]) -> dict[str, type]:
+    """Variables of a class, and by which of its bases each is declared."""
+    return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
 
 
 def stack(base: type[Component], *effects: type[Effect], name: str | None = None) -> type[Component]:
@@ -117,15 +134,22 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
     Raises
     ------
     UserError
-        If an effect is given twice.
+        If two effects have the same id, or two classes declare a variable of the same name.
     """
     prefix = base.name
+    name = name or "_with_".join([prefix, *(e.id for e in effects)])
     base, earlier = vars(base).get("stacked", (base, ()))
-    repeated = [e.id for e in effects if e in earlier or effects.count(e) > 1]
+    effects = (*earlier, *effects)
+    ids = [e.id for e in effects]
+    repeated = [i for i in ids if ids.count(i) > 1]
     if repeated:
         raise UserError(f"{prefix}: effect {repeated[0]!r} is laid over it twice")
-    name = name or "_with_".join([prefix, *(e.id for e in effects)])
-    effects = (*earlier, *effects)
+    owners = _owners(base)
+    for effect in effects:
+        for variable, owner in _owners(effect).items():
+            other = owners.setdefault(variable, owner)
+            if other is not owner:
+                raise UserError(f"{prefix}: {other.__name__} and {owner.__name__} both declare variable {variable!r}")
     title = "".join(e.__name__ for e in reversed(effects)) + base.__name__
     return type(
         title,

@@ -6,10 +6,13 @@ that pint understands and are SI throughout; ``display`` names the unit people p
 
 from __future__ import annotations
 
+import keyword
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
+
+from .errors import UserError
 
 Number = float | int | bool
 
@@ -129,6 +132,10 @@ def Discrete(
 
     ``update`` names the method that gives the next value; ``period`` is the sample period in seconds or the name of
     the parameter that holds it. All states of one period are updated together from the values before the instant.
+
+    A sample instant at the end of a communication step is taken at the start of the next one, with the inputs of that
+    one; so at the start time the state still shows its start value. Where several periods coincide they are updated
+    in order of declaration, and a later one sees the new values of an earlier one.
     """
     return DiscreteDeclaration(unit=unit, update=update, period=period, start=start, output=output, **about)
 
@@ -200,6 +207,71 @@ def take(owner: type) -> dict[str, Declaration]:
         else:
             delattr(owner, name)
     return found
+
+
+def check(owner: Any, layout: Layout) -> None:
+    """Check the variables of a class body, for what would otherwise show far from there.
+
+    Parameters
+    ----------
+    owner : type
+        The class; methods that its declarations name must be there unless it is abstract, without a ``name``.
+    layout : Layout
+
+    Raises
+    ------
+    UserError
+        Naming class and variable.
+    """
+    component = owner.__mro__[-2]
+
+    def refuse(variable: Declaration, reason: str) -> None:
+        raise UserError(f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}")
+
+    seen = set()
+    # parameters last, so that a mistake in a state is not told of its start parameter
+    for v in (*layout.inputs, *layout.states, *layout.discretes, *layout.outputs, *layout.parameters):
+        taken = component if isinstance(v, OutputDeclaration) else owner  # the law of an output has its name
+        if not _is_name(v.name) or v.name.startswith("_"):
+            refuse(v, "must be named by an ASCII identifier without an underscore in front")
+        if v.name in seen:
+            refuse(v, "is declared twice; every state brings its '_start' parameter")
+        if v.name in component.__annotations__ or hasattr(taken, v.name):
+            refuse(v, "has the name of something else in the class")
+        seen.add(v.name)
+        if not v.min < v.max:
+            refuse(v, f"has an empty range, {v.min:g} to {v.max:g} {v.unit}")
+        if not 0.0 < v.nominal < inf:
+            refuse(v, f"has the nominal value {v.nominal:g} {v.unit}; it must be positive")
+        if v.type not in ("real", "integer", "boolean") or (v.type != "real" and isinstance(v, StateDeclaration)):
+            refuse(v, f"is of type {v.type!r}; there are real, integer and boolean, and a continuous state is real")
+        if isinstance(v, _Started) and v.type == "integer" and v.start != int(v.start):
+            refuse(v, f"is an integer but starts at {v.start:g}")
+        if isinstance(v, _Started) and not v.min <= v.start <= v.max:
+            refuse(v, f"starts at {v.start:g} {v.unit}, outside its range, {v.min:g} to {v.max:g} {v.unit}")
+    if not owner.name:
+        return
+    if not _is_name(owner.name):
+        raise UserError(f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII identifier")
+    for kind, group in (("rate", layout.states), ("update", layout.discretes)):
+        for v in group:
+            law = getattr(v, kind)
+            if not callable(getattr(owner, law, None)):
+                refuse(v, f"has the {kind} {law!r}, which is no method of the class")
+    parameters = {p.name: p for p in layout.parameters}
+    for title, preset in owner.presets.items():
+        for name, value in preset.values.items():
+            if name not in parameters or not parameters[name].min <= value <= parameters[name].max:
+                raise UserError(f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter allows")
+    for d in layout.discretes:
+        known = d.period in parameters if isinstance(d.period, str) else 0.0 < d.period < inf
+        if not known:
+            refuse(d, f"has the period {d.period!r}, which is neither a parameter nor a positive number of seconds")
+
+
+def _is_name(text: str) -> bool:
+    """Whether it can be a name in Python, in C and in FMI's structured naming."""
+    return text.isascii() and text.isidentifier() and not keyword.iskeyword(text)
 
 
 def arrange(declarations: Iterable[Declaration]) -> Layout:

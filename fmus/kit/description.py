@@ -28,6 +28,8 @@ _QUANTITIES = {
     "K": "Temperature",
 }  # fmt: skip
 
+_OURS = {"author": "the ppy-rig project", "license": "BSD-3-Clause"}
+
 CATEGORIES = {
     "logStatusWarning": "something questionable was accepted",
     "logStatusDiscard": "a request was declined",
@@ -79,9 +81,9 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     summary = (cls.__doc__ or "").strip().split("\n")[0].rstrip(".")
     root = Element(
         "fmiModelDescription", fmiVersion="2.0", modelName=cls.name, guid=guid, description=summary + remark,
-        author="the ppy-rig project", version=version, license="BSD-3-Clause", generationTool=f"ppy-rig {version}",
-        variableNamingConvention="structured",
+        version=version, generationTool=f"ppy-rig {version}", variableNamingConvention="structured",
     )  # fmt: skip
+    root.attrib |= _origin(cls)
     cosimulation = SubElement(
         root, "CoSimulation", modelIdentifier=cls.name,
         needsExecutionTool=_flag(can.needs_execution_tool), canHandleVariableCommunicationStepSize="true",
@@ -104,6 +106,14 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     _structure(root, cls.layout, graph)
     indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+
+
+def _origin(cls: type[Component]) -> dict[str, str]:
+    """Author and licence as the class tells them; ours need not, if nothing of somebody else is in them."""
+    package = __package__.partition(".")[0]
+    ours = all(part.__module__.partition(".")[0] == package for part in cls.__mro__ if part is not object)
+    told = {"author": cls.author, "license": cls.license}
+    return {name: text or _OURS[name] for name, text in told.items() if text or ours}
 
 
 def _flag(value: bool) -> str:

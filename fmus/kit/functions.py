@@ -12,19 +12,23 @@ from collections.abc import Callable
 from typing import Any
 
 _SCALARS = (float, int, bool)
+_IN_CASADI = {
+    "absolute": "fabs", "logical_and": "logic_and", "logical_or": "logic_or", "logical_not": "logic_not",
+    "where": "if_else",
+}  # fmt: skip
 
 
-def _library(value: Any) -> Any:
-    """NumPy for arrays, CasADi for symbols; neither is imported before something of theirs comes along."""
+def _of_library(name: str, value: Any) -> Any:
+    """NumPy's function for arrays, CasADi's for symbols; neither is imported before something of theirs comes along."""
     if type(value).__module__.startswith("casadi"):
-        return sys.modules["casadi"]
-    return sys.modules["numpy"]
+        return getattr(sys.modules["casadi"], _IN_CASADI.get(name, name))
+    return getattr(sys.modules["numpy"], name)
 
 
 def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[Any], Any]:
     def function(x: Any) -> Any:
         if not isinstance(x, _SCALARS):
-            return getattr(_library(x), name)(x)
+            return _of_library(name, x)(x)
         try:
             return scalar(x)
         except OverflowError:
@@ -37,14 +41,32 @@ def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[A
     return function
 
 
+def _binary(name: str, scalar: Callable[[Any, Any], Any], doc: str) -> Callable[[Any, Any], Any]:
+    def function(a: Any, b: Any) -> Any:
+        if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
+            return scalar(a, b)
+        return _of_library(name, b if isinstance(a, _SCALARS) else a)(a, b)
+
+    function.__name__ = name
+    function.__doc__ = doc
+    return function
+
+
 exp = _unary("exp", math.exp, "Exponential.")
 log = _unary("log", math.log, "Natural logarithm.")
 sqrt = _unary("sqrt", math.sqrt, "Square root.")
 sin = _unary("sin", math.sin, "Sine of an angle in rad.")
 cos = _unary("cos", math.cos, "Cosine of an angle in rad.")
+arccos = _unary("arccos", math.acos, "Angle in rad, from 0 to pi, whose cosine is x.")
+arctan2 = _binary("arctan2", math.atan2, "Angle in rad, from -pi to pi, of the point with ordinate a and abscissa b.")
+hypot = _binary("hypot", math.hypot, "Square root of the sum of the squares, without overflow on the way.")
 tanh = _unary("tanh", math.tanh, "Hyperbolic tangent.")
+absolute = _unary("absolute", math.fabs, "Magnitude.")
 floor = _unary("floor", lambda x: float(math.floor(x)), "Largest integer not above x.")
 sign = _unary("sign", lambda x: float((x > 0) - (x < 0)) if x == x else math.nan, "-1, 0 or 1.")
+logical_and = _binary("logical_and", lambda a, b: bool(a and b), "Whether both hold; ``and`` for conditions in laws.")
+logical_or = _binary("logical_or", lambda a, b: bool(a or b), "Whether one holds; ``or`` for conditions in laws.")
+logical_not = _unary("logical_not", lambda x: not x, "Whether it does not hold; ``not`` for conditions in laws.")
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:
@@ -54,22 +76,21 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
     """
     if isinstance(condition, _SCALARS):
         return yes if condition else no
-    library = _library(condition)
-    return library.if_else(condition, yes, no) if library.__name__ == "casadi" else library.where(condition, yes, no)
+    return _of_library("where", condition)(condition, yes, no)
 
 
 def minimum(a: Any, b: Any) -> Any:
     """Smaller of two values, element by element; like C's ``fmin`` it passes over a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
         return a if a < b or b != b else b
-    return _library(b if isinstance(a, _SCALARS) else a).fmin(a, b)
+    return _of_library("fmin", b if isinstance(a, _SCALARS) else a)(a, b)
 
 
 def maximum(a: Any, b: Any) -> Any:
     """Larger of two values, element by element; like C's ``fmax`` it passes over a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
         return a if a > b or b != b else b
-    return _library(b if isinstance(a, _SCALARS) else a).fmax(a, b)
+    return _of_library("fmax", b if isinstance(a, _SCALARS) else a)(a, b)
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:

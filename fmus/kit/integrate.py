@@ -204,7 +204,10 @@ class Integrator:
         raise self._exhausted(time)
 
     def _exhausted(self, time: float) -> UserError:
-        return UserError(f"more than {MOST_STEPS} internal steps in one communication step at {time:.10g} s")
+        return UserError(
+            f"more than {MOST_STEPS} internal steps in one communication step at {time:.10g} s: with these parameters "
+            "a time constant is far too short for a step so long"
+        )
 
     def _culprit(self) -> str:
         """Name the state that stops the integration: one whose rate is not finite, else the fastest."""

@@ -7,13 +7,14 @@ states (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, sect
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 import casadi as ca
 
-from .declare import Declaration, OutputDeclaration, ParameterDeclaration
+from .declare import Declaration, ParameterDeclaration
 from .errors import UserError
 from .trace import Graph
 
@@ -41,13 +42,18 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     Raises
     ------
     UserError
-        If a name is not a parameter.
+        If a name is not a parameter, or one that holds a sample period: the sample instants would move with it, which
+        has no derivative here.
     """
     layout = graph.layout
     index = {p.name: i for i, p in enumerate(layout.parameters)}
     unknown = [name for name in names if name not in index]
     if unknown:
         raise UserError(f"{graph.name}: no parameter named {unknown[0]!r}; there are: {', '.join(index)}")
+    periods = [name for name in names if name in {d.period for d in layout.discretes}]
+    if periods:
+        raise UserError(f"{graph.name}: no sensitivity to {periods[0]!r}, which is a sample period")
+    chosen = [layout.parameters[index[name]] for name in names]
     theta = ca.vertcat(ca.SX(0, 1), *(graph.parameters[index[name]] for name in names))
     count = theta.numel()
     state, discrete = graph.states.numel(), graph.discretes.numel()
@@ -64,30 +70,24 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     def extended(value: ca.SX, derivative: ca.SX) -> ca.SX:
         return ca.densify(ca.vertcat(value, ca.vec(derivative)))
 
-    def nominal(variable: Declaration, name: str) -> float:
-        return variable.nominal / max(abs(float(layout.parameters[index[name]].start)), 1e-12)
+    def derivative(variable: Declaration, parameter: ParameterDeclaration) -> Any:
+        """Declare the derivative of a variable, as large as the variable over the size of the parameter."""
+        nominal = variable.nominal / (abs(float(parameter.start)) or parameter.nominal)
+        declared = replace(variable, unit="1", nominal=nominal, min=-inf, max=inf, type="real")
+        return named(declared, f"d({variable.name})/d({parameter.name})")
 
-    def added(group: Sequence[Any]) -> list[Any]:
-        """Declarations like those of a group, for its derivatives with respect to every name."""
-        return [
-            named(replace(v, unit="1", nominal=nominal(v, name), output=False), f"d({v.name})/d({name})")
-            for name in names
-            for v in group
-        ]
-
-    def start(variable: Declaration) -> ParameterDeclaration:
+    def start(variable: Declaration, parameter: ParameterDeclaration) -> ParameterDeclaration:
         """A state's derivative starts at 1 with respect to its own start value, else at 0."""
-        state, name = variable.name[2:-1].split(")/d(")
-        value = 1.0 if name == f"{state}_start" else 0.0
-        return named(ParameterDeclaration(start=value, unit="1", nominal=variable.nominal), f"{variable.name}_start")
+        of = derivative(variable, parameter)
+        value = 1.0 if parameter.name == f"{variable.name}_start" else 0.0
+        return named(ParameterDeclaration(start=value, unit="1", nominal=of.nominal), f"{of.name}_start")
 
-    states, discretes = added(layout.states), added(layout.discretes)
-    outputs = [
-        named(OutputDeclaration(unit="1", nominal=nominal(o, name), law=o.law), f"d({o.name})/d({name})")
-        for name in names
-        for o in layout.outputs
-    ]
-    starts = [start(v) for v in (*states, *discretes)]
+    def added(what: Callable[[Any, ParameterDeclaration], Any], group: Sequence[Declaration]) -> list[Any]:
+        return [what(variable, parameter) for parameter in chosen for variable in group]
+
+    groups = layout.states, layout.discretes, layout.outputs
+    states, discretes, outputs = (added(derivative, group) for group in groups)
+    starts = [*added(start, layout.states), *added(start, layout.discretes)]
     return replace(
         graph,
         layout=replace(

@@ -6,6 +6,7 @@ so saving the memory saves the instance (FMU contract, line 5).
 
 from __future__ import annotations
 
+import _thread
 import traceback
 from collections.abc import Callable
 from functools import cache
@@ -126,4 +127,9 @@ def _sentence(error: BaseException) -> str:
     if isinstance(error, UserError):
         return str(error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}: {error} (in {frame.name}, line {frame.lineno} of {frame.filename})"
+    sentence = f"{type(error).__name__}: {error} (in {frame.name}, line {frame.lineno} of {frame.filename})"
+    if isinstance(error, KeyboardInterrupt):
+        # The host shall see it too, but after this call, which would end it again: another thread waits for the lock
+        # of Python until then. Nothing here may take long after it has started.
+        _thread.start_new_thread(_thread.interrupt_main, ())
+    return sentence

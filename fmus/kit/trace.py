@@ -123,6 +123,8 @@ class Graph:
     def point(self, **values: float) -> list[np.ndarray]:
         """Vectors of parameters, inputs, states and discretes: defaults, replaced by ``values``.
 
+        The default of a state is its start parameter.
+
         Raises
         ------
         UserError
@@ -133,7 +135,9 @@ class Graph:
         unknown = set(values) - {v.name for group in groups for v in group}
         if unknown:
             raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
-        return [np.array([float(values.get(v.name, v.start)) for v in group]) for group in groups]
+        known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
+        known = {v.name: known[f"{v.name}_start"] for v in (*layout.states, *layout.discretes)} | known
+        return [np.array([float(known[v.name]) for v in group]) for group in groups]
 
 
 def trace(cls: type[Component]) -> Graph:

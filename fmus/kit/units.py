@@ -108,7 +108,16 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
 
 
 def convertible(source: pint.Unit, target: pint.Unit) -> bool:
-    """Whether two parsed units measure the same thing."""
-    # pint counts 1 Hz as 1 rad/s; a factor of 2 pi must not be lost in that
-    frequency_as_speed = ("hertz" in str(source)) != ("hertz" in str(target)) and "radian" in f"{source} {target}"
-    return source.dimensionality == target.dimensionality and not frequency_as_speed
+    """Whether two parsed units measure the same thing.
+
+    pint counts an angle as a pure number, so that 1 Hz would be 1 rad/s and 60 rpm would be 2 pi Hz; here an angle
+    must remain one.
+    """
+    return source.dimensionality == target.dimensionality and _angles(source) == _angles(target)
+
+
+def _angles(unit: pint.Unit) -> float:
+    """Power of the angle in a unit: 1 for rad/s and rpm, 0 for Hz."""
+    powers = registry().Quantity(1.0, unit)._units
+    turning = (power for name, power in powers.items() if "radian" in str(registry().get_root_units(name)[1]))
+    return sum(float(str(power)) for power in turning)

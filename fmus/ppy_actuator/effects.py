@@ -1,15 +1,15 @@
 """Known ways the actuator model is wrong, each relaxing one assumption of thesis section 3.1.
 
-Every effect is a mixin that overrides one law through ``super()``, so that it serves the force-driven and the
-length-driven actuator, and stacks with the others. At its neutral parameter value the laws give the bits of the base
-model whatever the effect's own state holds: what the effect adds is multiplied by zero, or divided by one.
+Every effect is a mixin that overrides one law (never an output) through ``super()``, so that it serves the
+force-driven and the length-driven actuator, and stacks with the others. At its neutral parameter value the laws give
+the bits of the base model whatever the effect's own state holds: what it adds is multiplied by zero.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Effect, Parameter, State, tanh, where
+from ..kit import Effect, Parameter, State, sqrt, tanh, where
 
 if TYPE_CHECKING:
     from .model import Actuator
@@ -21,8 +21,8 @@ else:
 
 # Time constant below which a lag is not resolved, in seconds. A lag of zero time would be infinitely stiff.
 _SHORTEST_LAG = 0.05
-# Argument below which tanh(z)/z is taken from its series; the first term left out is below half a unit of rounding.
-_SMALL = 1e-4
+# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the slope below 1e-12.
+_SMALL = 1e-6
 
 
 class DoubleLayer(ActuatorEffect):
@@ -34,6 +34,8 @@ class DoubleLayer(ActuatorEffect):
     """
 
     id = "double_layer"
+    neutral = "double_layer_resistance"
+    assumption = 4
 
     double_layer_resistance = Parameter(
         0.0, "ohm", min=0, max=1e6, doc="charge-transfer resistance across the double layer; 0 is without"
@@ -60,9 +62,16 @@ class ResistanceGrowth(ActuatorEffect):
     """
 
     id = "resistance_growth"
+    neutral = "resistance_growth_rate"
+    assumption = 6
 
     resistance_growth_rate = Parameter(
-        0.0, "1/C", min=0, max=1e3, nominal=1e-3, doc="relative growth of R1 per charge throughput (gamma)"
+        0.0,
+        "1/C",
+        min=0,
+        max=1e3,
+        nominal=1e-3,
+        doc="relative growth of the series resistance per charge moved (gamma)",
     )
     throughput = State("C", rate="throughput_rate", min=0, doc="charge moved into and out of the films so far")
 
@@ -71,8 +80,8 @@ class ResistanceGrowth(ActuatorEffect):
         return abs(self.capacitor_current())
 
     def series_resistance(self) -> Any:
-        """Grown series resistance, R1 (1 + gamma q)."""
-        return super().series_resistance() + self.R1 * self.resistance_growth_rate * self.throughput
+        """Grown series resistance, R1 (1 + gamma q) over the base model."""
+        return super().series_resistance() * (1.0 + self.resistance_growth_rate * self.throughput)
 
 
 class QuadraticStrain(ActuatorEffect):
@@ -82,47 +91,57 @@ class QuadraticStrain(ActuatorEffect):
     """
 
     id = "quadratic_strain"
+    neutral = "beta"
+    assumption = 5
 
     beta = Parameter(
         0.0, "m/C^2", min=-1.0, max=1.0, nominal=1e-5, display="mm/C^2", doc="quadratic displacement coefficient"
     )
 
-    def electrochemical_displacement(self) -> Any:
-        """Elongation due to charge, alpha Q + beta Q^2."""
-        return super().electrochemical_displacement() + self.beta * (self.charge * self.charge)
+    def charge_elongation(self, charge: Any) -> Any:
+        """Elongation due to charge, alpha Q + beta Q^2 over the base model."""
+        return super().charge_elongation(charge) + self.beta * (charge * charge)
 
 
 class StrainSaturation(ActuatorEffect):
-    """Elongation that levels off: ``x_e = alpha Q_sat tanh(Q / Q_sat)``, written with ``kappa = 1 / Q_sat``.
+    """Elongation that levels off: ``x_e = alpha Q_sat tanh(Q / Q_sat)``, written with ``c = 1 / Q_sat^2``.
 
-    The elongation of the layers below is multiplied by ``tanh(kappa Q) / (kappa Q)``, which is 1 at ``kappa = 0``, the
-    base model. Relaxes the proportionality of eq. 3.4 at large charge (fig. 3-11).
+    The elongation of the layers below is multiplied by ``tanh(z) / z``, ``z = sqrt(c) Q``, which is 1 at ``c = 0``,
+    the base model. With ``1 / Q_sat`` itself for the parameter, its sensitivity there would be zero. Relaxes
+    assumption 5, the proportionality of eq. 3.4, at large charge (fig. 3-11).
     """
 
     id = "strain_saturation"
+    neutral = "strain_saturation_coefficient"
+    assumption = 5
 
-    inverse_saturation_charge = Parameter(
-        0.0, "1/C", min=0, max=1e3, nominal=0.1, doc="inverse of the charge at which elongation levels off (kappa)"
-    )
+    strain_saturation_coefficient = Parameter(
+        0.0, "1/C^2", min=0, max=1e6, nominal=0.01,
+        doc="inverse square of the charge at which elongation levels off (c)",
+    )  # fmt: skip
 
-    def electrochemical_displacement(self) -> Any:
+    def charge_elongation(self, charge: Any) -> Any:
         """Elongation due to charge, levelling off; alpha Q_sat tanh(Q / Q_sat) over the base model."""
-        z = self.inverse_saturation_charge * self.charge
-        small = abs(z) < _SMALL
-        divisor = where(small, 1.0, z)
-        return super().electrochemical_displacement() * where(small, 1.0 - z * z / 3.0, tanh(z) / divisor)
+        square = self.strain_saturation_coefficient * (charge * charge)
+        small = square < _SMALL
+        z = sqrt(where(small, 1.0, square))  # at zero the root has no slope
+        series = 1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0))
+        return super().charge_elongation(charge) * where(small, series, tanh(z) / z)
 
 
 class StrainLag(ActuatorEffect):
-    """Elongation that follows ``alpha Q`` with a time constant ``T``.
+    """Elongation that follows the charge with a time constant ``T``.
 
-    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / (T + m)`` and
-    ``x_e = alpha (Q - T / (T + m) q)``, that is ``X_e / Q = alpha (m s + 1) / ((T + m) s + 1)``: a first-order lag of
-    time T but for the fixed, short time m = 0.05 s, which keeps the equations regular at ``T = 0``, the base model.
-    Starting at zero, ``q`` means a start at rest. Relaxes the immediate coupling of eq. 3.4 (fig. 3-10).
+    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / (T + m)``; the elongation of the layers below
+    is that of the charge that has, ``Q - T / (T + m) q``. Over the base model this is
+    ``X_e / Q = alpha (m s + 1) / ((T + m) s + 1)``: a first-order lag of time T but for the fixed, short time
+    m = 0.05 s, which keeps the equations regular at ``T = 0``, the base model. Starting at zero, ``q`` means a start
+    at rest. Relaxes assumption 5, that elongation is proportional to charge at every instant (eq. 3.4, fig. 3-10).
     """
 
     id = "strain_lag"
+    neutral = "lag_time"
+    assumption = 5
 
     lag_time = Parameter(0.0, "s", min=0, max=1e6, doc="time constant with which elongation follows charge")
     pending_charge = State("C", rate="pending_charge_rate", doc="charge that has not yet elongated the films")
@@ -131,10 +150,10 @@ class StrainLag(ActuatorEffect):
         """Rate of the charge not yet acting, dQ/dt - q / (T + m)."""
         return self.capacitor_current() - self.pending_charge / (self.lag_time + _SHORTEST_LAG)
 
-    def electrochemical_displacement(self) -> Any:
-        """Elongation due to charge less what is still to come, alpha (Q - T / (T + m) q) over the base model."""
+    def charge_elongation(self, charge: Any) -> Any:
+        """Elongation due to the charge that has acted, alpha (Q - T / (T + m) q) over the base model."""
         share = self.lag_time / (self.lag_time + _SHORTEST_LAG)
-        return super().electrochemical_displacement() - self.alpha * share * self.pending_charge
+        return super().charge_elongation(charge - share * self.pending_charge)
 
 
 EFFECTS: dict[str, type[Effect]] = {

@@ -3,6 +3,9 @@
 Thesis chapter 3, eqs. 3.1-3.9 and fig. 3-1. The charge does not feel the load and the creep does not feel the charge;
 the two displacements add (assumptions 1 and 5). The mechanical numbers are those of fig. 3-9 in N/m and N s/m; the
 printed N/mm is an error of the source (``docs/errata.md``, row 1).
+
+Outputs only show laws, and no law calls an output: what is wrong with a measurement can then be laid over an output
+without changing the physics.
 """
 
 from __future__ import annotations
@@ -55,20 +58,15 @@ class Actuator(Component):
         """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
         return (self.R2 * self.current - self.capacitor_voltage()) / (self.series_resistance() + self.R2)
 
-    @Output("V")
-    def voltage(self) -> Any:
-        """Voltage across the actuator (eq. 3.9).
-
-        The drop over R1 plus the capacitor voltage; its transfer function from the current is eq. 3.9.
-        """
+    def terminal_voltage(self) -> Any:
+        """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
         return self.series_resistance() * self.capacitor_current() + self.capacitor_voltage()
 
     # --- coupling ---------------------------------------------------------------------------------------------------
 
-    @Output("m", nominal=1e-4, display="mm")
-    def electrochemical_displacement(self) -> Any:
+    def charge_elongation(self, charge: Any) -> Any:
         """Elongation due to charge, alpha Q (eq. 3.4)."""
-        return self.alpha * self.charge
+        return self.alpha * charge
 
     # --- mechanical -------------------------------------------------------------------------------------------------
 
@@ -95,6 +93,27 @@ class Actuator(Component):
         """Inverse of :meth:`spring_elongation`: F = k1 x_0 (eq. 3.2)."""
         return self.k1 * elongation
 
+    def chain_elongation(self) -> Any:
+        """Elongation of the whole chain, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
+        return self.creep() + self.spring_elongation(self.load())
+
+    # --- outputs ----------------------------------------------------------------------------------------------------
+
+    @Output("V")
+    def voltage(self) -> Any:
+        """Voltage across the actuator (eq. 3.9)."""
+        return self.terminal_voltage()
+
+    @Output("m", nominal=1e-4, display="mm")
+    def electrochemical_displacement(self) -> Any:
+        """Elongation due to charge, alpha Q (eq. 3.4)."""
+        return self.charge_elongation(self.charge)
+
+    @Output("m", nominal=1e-4, display="mm")
+    def mechanical_displacement(self) -> Any:
+        """Elongation due to load, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
+        return self.chain_elongation()
+
     presets = {
         "five_layer": Preset(
             {"R1": 1.32, "R2": 2.72, "C": 0.46,
@@ -117,14 +136,9 @@ class PpyActuator(Actuator):
         return self.force
 
     @Output("m", nominal=1e-4, display="mm")
-    def mechanical_displacement(self) -> Any:
-        """Elongation due to load, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
-        return self.creep() + self.spring_elongation(self.load())
-
-    @Output("m", nominal=1e-4, display="mm")
     def displacement(self) -> Any:
         """Total elongation, the sum of both (eq. 3.8)."""
-        return self.electrochemical_displacement() + self.mechanical_displacement()
+        return self.charge_elongation(self.charge) + self.chain_elongation()
 
 
 class PpyActuatorLengthDriven(Actuator):
@@ -137,16 +151,12 @@ class PpyActuatorLengthDriven(Actuator):
 
     length_change = Input("m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length")
 
+    def load(self) -> Any:
+        """What the instantaneous spring makes of the elongation left to it; slack instead of compression."""
+        left = self.length_change - self.charge_elongation(self.charge) - self.creep()
+        return maximum(self.spring_force(left), 0.0)
+
     @Output("N")
     def tension(self) -> Any:
         """Tension in the actuator; slack instead of compression (assumption 3)."""
-        return maximum(self.spring_force(self.length_change - self.electrochemical_displacement() - self.creep()), 0.0)
-
-    def load(self) -> Any:
-        """The tension itself."""
-        return self.tension()
-
-    @Output("m", nominal=1e-4, display="mm")
-    def mechanical_displacement(self) -> Any:
-        """Elongation of the viscoelastic chain under the tension, x_b1 + x_b2 + F/k1."""
-        return self.creep() + self.spring_elongation(self.load())
+        return self.load()

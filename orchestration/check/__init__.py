@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .archive import Archive, check_archive
+from orchestration.fmu_file import Archive
+
+from .archive import check_archive
 from .binaries import check_binaries
 from .description import check_description
 from .finding import SEVERITIES, Finding

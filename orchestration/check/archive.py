@@ -1,97 +1,16 @@
-"""The archive of an FMU: opening it, and what must be in it besides binaries."""
+"""The archive of an FMU: what must be in it besides binaries."""
 
 from __future__ import annotations
 
 import re
 import uuid
 import zipfile
-import zlib
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
-from types import TracebackType
-from xml.etree import ElementTree
+from pathlib import PurePosixPath
 
-from fmus.kit.errors import UserError
+from orchestration.fmu_file import Archive
 
 from .finding import Finding, listed
-
-_DESCRIPTION = "modelDescription.xml"
-# What zipfile raises on damaged, encrypted or strangely compressed members.
-_UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
-
-
-class Archive:
-    """An opened FMU; a context manager.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    UserError
-        If the file is missing, no zip archive, no FMU, or not of FMI 2.0.
-
-    Attributes
-    ----------
-    path : Path
-    names : list of str
-        Files in it, folders left out.
-    description : xml.etree.ElementTree.Element
-        Root of ``modelDescription.xml``.
-    """
-
-    def __init__(self, path: Path):
-        self.path = path
-        if not path.is_file():
-            raise UserError(f"{path}: no such file")
-        try:
-            self._zip = zipfile.ZipFile(path)
-        except _UNREADABLE as error:
-            raise UserError(f"{path}: not an FMU (an FMU is a zip archive; this is none, or it is cut off)") from error
-        try:
-            self.names = [name for name in self._zip.namelist() if not name.endswith("/")]
-            self.description = self._read_description()
-        except UserError:
-            self._zip.close()
-            raise
-
-    def _read_description(self) -> ElementTree.Element:
-        if _DESCRIPTION not in self.names:
-            raise UserError(f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)")
-        try:
-            root = ElementTree.fromstring(self._zip.read(_DESCRIPTION))
-        except (ElementTree.ParseError, LookupError, *_UNREADABLE) as error:
-            raise UserError(f"{self.path}: {_DESCRIPTION} cannot be read ({error})") from error
-        version = root.get("fmiVersion", "")
-        if root.tag != "fmiModelDescription":
-            raise UserError(f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'")
-        if version != "2.0":
-            raise UserError(f"{self.path}: FMI version {version or '(none)'}; this check knows FMI 2.0")
-        return root
-
-    def __enter__(self) -> Archive:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._zip.close()
-
-    def read(self, name: str) -> bytes | None:
-        """Contents of a file; None if it is damaged (which `check_archive` reports)."""
-        try:
-            return self._zip.read(name)
-        except _UNREADABLE:
-            return None
-
-    def entries(self) -> list[zipfile.ZipInfo]:
-        """Everything in the archive, folders too."""
-        return self._zip.infolist()
-
-    def interfaces(self) -> list[ElementTree.Element]:
-        """Elements ``CoSimulation`` and ``ModelExchange``, those that are there."""
-        return [element for element in self.description if element.tag in ("CoSimulation", "ModelExchange")]
 
 
 def check_archive(archive: Archive) -> Iterator[Finding]:

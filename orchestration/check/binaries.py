@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from .archive import Archive
+from orchestration.fmu_file import Archive
+
 from .finding import Finding, listed
 from .shared_library import Library, LibraryError, read_library
 
@@ -57,8 +58,7 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
     ------
     Finding
     """
-    there = [name.split("/") for name in archive.names if name.startswith("binaries/") and name.count("/") >= 2]
-    folders = sorted({parts[1] for parts in there})
+    folders = archive.platforms
     if not folders:
         compilable = any(element.find("SourceFiles") is not None for element in archive.interfaces())
         yield Finding(

@@ -19,10 +19,13 @@ from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.compiled import CompiledModel
+from fmus.kit.documentation import allowed, shown
 from fmus.kit.errors import UserError
 
 Array = NDArray[np.float64]
-_PASSES = 3  # of weighting every output by the residual it leaves; the weights hardly move after the second
+_PASSES = 5  # at most, of weighting every output by the residual it leaves
+_SETTLED = 0.01  # relative change of the weights that ends it
+_NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 _MOST_ORDER = 4  # of the noise model
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
@@ -129,9 +132,12 @@ class _Problem:
     def jacobian(self, q: Array) -> Array:
         return np.vstack([self.weight[o] * j for o, j in self.evaluate(q)[1].items()])
 
-    def reweight(self, q: Array) -> None:
-        """Weight every output by the residual it leaves, as maximum likelihood would."""
+    def reweight(self, q: Array) -> bool:
+        """Weight every output by the residual it leaves, as maximum likelihood would; true if that changed little."""
+        before = self.weight
         self.weight = {o: 1.0 / (float(np.sqrt(np.mean(e**2))) or 1.0) for o, e in self.evaluate(q)[0].items()}
+        change = np.array([self.weight[o] / before[o] for o in before])
+        return bool(change.max() < (1.0 + _SETTLED) * change.min())  # a common factor moves no optimum
 
     def bounds(self) -> tuple[Array, Array]:
         ranges = [(self.declared[n].min, self.declared[n].max) for n in self.names]
@@ -182,20 +188,22 @@ def fit(
         raise UserError(f"{len(names)} parameters cannot be fitted to {samples} measured values")
     low, high = problem.bounds()
     q = np.array([s.position(problem.start[n]) for n, s in zip(names, problem.scales, strict=True)])
-    for name, x, least, most in zip(names, q, low, high, strict=True):
-        if not least < x < most:
-            declared = problem.declared[name]
-            allowed = f"between {declared.min:g} and {declared.max:g} {declared.unit}"
-            raise UserError(
-                f"the fit of {name} cannot start at {problem.start[name]:g}: allowed is {allowed}, ends excluded"
-            )
-    for _ in range(_PASSES if len(problem.measured) > 1 else 1):
+    for name in names:
+        declared = problem.declared[name]
+        if not declared.min <= problem.start[name] <= declared.max:
+            start = shown(problem.start[name], declared)
+            raise UserError(f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}")
+    # from an end itself the first steps are so small that the search takes three times as many simulations
+    inside = np.minimum(_NUDGE, _NUDGE * (high - low))
+    q = np.clip(q, low + inside, high - inside)
+    for _ in range(_PASSES):
         solution = least_squares(
             problem.error, q, problem.jacobian, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200
         )
         q = solution.x
         progress(problem.evaluations, float(solution.cost))
-        problem.reweight(q)
+        if problem.reweight(q):
+            break
     warnings = [] if solution.success else ["the search stopped before it converged; the values are the best found"]
     ends, told = _intervals(problem, q)
     warnings += told

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 def rms(residual: ArrayLike) -> float:
-    """Return the root mean square, in the unit of `residual` (n,), over the samples that are not NaN; NaN if none."""
+    """Return the root mean square of a residual, in its unit, over the samples that are not NaN; NaN if none."""
     values = np.asarray(residual, dtype=float)
     values = values[~np.isnan(values)]
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
@@ -21,12 +21,15 @@ def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
 
     Parameters
     ----------
-    measured : (n,) record; NaN samples are gaps and are left out
-    simulated : (n,) in the same unit; NaN where there is a measurement makes the result NaN, it is never left out
+    measured : array_like, shape (n,)
+        The record; NaN samples are gaps and are left out.
+    simulated : array_like, shape (n,)
+        In the same unit; NaN where there is a measurement makes the result NaN, it is never left out.
 
     Returns
     -------
-    float; NaN if the measurement is constant or empty, because there is then nothing to compare with
+    float
+        NaN if the measurement is constant or empty, because there is then nothing to compare with.
 
     Raises
     ------
@@ -53,14 +56,27 @@ def fit_percent(measured: ArrayLike, simulated: ArrayLike) -> float:
 
 @dataclass(frozen=True)
 class Whiteness:
-    """The result of `whiteness`, dimensionless; a constant residual has NaN figures and is not called white."""
+    """The result of :func:`whiteness`, dimensionless; a constant residual has NaN figures and is not called white.
 
-    samples: int  # finite samples used
+    Attributes
+    ----------
+    samples, lags : int
+        Finite samples used, and lags looked at.
+    statistic, p_value : float
+        Ljung and Box's Q, and its probability under whiteness.
+    lag_one : float
+        Autocorrelation at the first lag.
+    fraction_outside : float
+        Of the lags, those whose autocorrelation leaves its 99 % band; 0.01 expected if white.
+    significance : float
+    """
+
+    samples: int
     lags: int
-    statistic: float  # Ljung-Box Q
-    p_value: float  # of Q under whiteness
-    lag_one: float  # autocorrelation at the first lag
-    fraction_outside: float  # of the lags whose autocorrelation leaves its 99 % band; 0.01 expected if white
+    statistic: float
+    p_value: float
+    lag_one: float
+    fraction_outside: float
     significance: float
 
     @property
@@ -74,21 +90,8 @@ class Whiteness:
             return "constant"
         return f"{'white' if self.is_white else 'not white'} (p = {self.p_value:.2g}, lag-1 {self.lag_one:+.2f})"
 
-    def describe(self) -> str:
-        """Return one readable line."""
-        if np.isnan(self.p_value):
-            return "constant: whether it is white cannot be told"
-        verdict = "white" if self.is_white else "not white"
-        return (
-            f"{verdict}: Ljung-Box Q = {self.statistic:.4g} over {self.lags} lags (p = {self.p_value:.2g}), "
-            f"lag-1 autocorrelation {self.lag_one:+.3f}, "
-            f"{100 * self.fraction_outside:.0f} % of lags outside the 99 % band"
-        )
 
-
-def whiteness(
-    residual: ArrayLike, lags: int | None = None, fitted_parameters: int = 0, significance: float = 0.01
-) -> Whiteness:
+def whiteness(residual: ArrayLike, lags: int | None = None, significance: float = 0.01) -> Whiteness:
     """Test whether a residual is white, by Ljung and Box.
 
     The mean is removed first, so a constant offset is not counted against whiteness. Samples that are NaN are gaps:
@@ -96,17 +99,23 @@ def whiteness(
 
     Parameters
     ----------
-    residual : (n,) equally spaced samples, any unit
-    lags : number of lags; by default 25, or a twentieth of the samples if that is less, because with more lags
-        the test raises too many false alarms (2 % instead of 1 % with a fifth of 100 samples); so by default
-        fewer than 20 samples are refused
-    fitted_parameters : parameters of a noise model fitted to this very residual; they reduce the degrees of freedom
-    significance : false alarm rate of `Whiteness.is_white`
+    residual : array_like, shape (n,)
+        Equally spaced samples, any unit.
+    lags : int, optional
+        Number of lags; by default 25, or a twentieth of the samples if that is less, because with more lags the test
+        raises too many false alarms (2 % instead of 1 % with a fifth of 100 samples); so by default fewer than 20
+        samples are refused.
+    significance : float
+        False alarm rate of `Whiteness.is_white`.
+
+    Returns
+    -------
+    Whiteness
 
     Raises
     ------
     ValueError
-        If the residual is infinite, too short for the lags, or lags do not exceed the fitted parameters.
+        If the residual is infinite, too short for the lags, or there are no lags.
     """
     values = np.asarray(residual, dtype=float)
     present = ~np.isnan(values)
@@ -114,10 +123,8 @@ def whiteness(
     count = min(25, n // 20) if lags is None else lags
     if values.ndim != 1 or np.any(np.isinf(values)):
         raise ValueError("the residual must be a vector without infinite values")
-    if not max(0, fitted_parameters) < count < n:
-        raise ValueError(
-            f"lags = {count} for {n} samples: must exceed the {fitted_parameters} fitted parameters and stay below {n}"
-        )
+    if not 0 < count < n:
+        raise ValueError(f"lags = {count} for {n} samples: must be at least 1 and stay below {n}")
     if np.ptp(values[present]) == 0:
         undefined = float("nan")
         return Whiteness(n, count, undefined, undefined, undefined, undefined, significance)
@@ -128,9 +135,9 @@ def whiteness(
     deviation = np.sqrt(pairs / (n * (n + 2.0)))  # of an autocorrelation under whiteness; zero if a lag has no pairs
     score = np.divide(correlation, deviation, out=np.zeros(count), where=pairs > 0)
     statistic = float(score @ score)
-    freedom = int(np.count_nonzero(pairs)) - fitted_parameters
+    freedom = int(np.count_nonzero(pairs))
     if freedom < 1:
-        raise ValueError(f"the gaps leave too few lags with pairs of samples: {freedom + fitted_parameters} of {count}")
+        raise ValueError(f"the gaps leave none of {count} lags with pairs of samples")
     return Whiteness(
         samples=n,
         lags=count,

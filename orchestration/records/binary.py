@@ -78,7 +78,7 @@ def read_mat(path: Path) -> Table:
     except Exception as error:  # the library raises whatever a damaged file trips
         raise refuse(path, f"the MATLAB file is damaged: {type(error).__name__}: {error}") from error
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}
-    units = mat_units(path, variables.pop("units", None))
+    units = _mat_units(path, variables.pop("units", None))
     columns: list[Column] = []
     left_out = []
     for name, value in variables.items():
@@ -106,56 +106,27 @@ def read_mat(path: Path) -> Table:
     return Table(path, columns, np.arange(1, len(reference.cells) + 1), repairs)
 
 
-def mat_units(path: Path, value: object) -> dict[str, str]:
-    """Read the companion variable ``units`` of a MATLAB file.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for the message.
-    value : object
-        What scipy read for ``units``, or None.
-
-    Returns
-    -------
-    dict of str to str
-        Unit of every variable that has one.
-
-    Raises
-    ------
-    UserError
-        If `value` is neither a struct of texts nor texts ``name [unit]``.
-    """
+def _mat_units(path: Path, value: object) -> dict[str, str]:
+    """Read the companion variable ``units`` of a MATLAB file."""
     if value is None:
         return {}
     array = np.asarray(value)
     if array.dtype.names and array.size == 1:
         entry = array.ravel()[0]
-        return {name: text for name in array.dtype.names if (text := mat_text(entry[name]))}
+        return {name: text for name in array.dtype.names if (text := _mat_text(entry[name]))}
     units = {}
     for item in array.ravel():
-        name, unit = split_header_cell(mat_text(item))
+        name, unit = split_header_cell(_mat_text(item))
         if not name or unit is None:
             raise refuse(
-                path, f"variable units: '{mat_text(item)}' is not of the form 'name [unit]' (or make units a struct)"
+                path, f"variable units: '{_mat_text(item)}' is not of the form 'name [unit]' (or make units a struct)"
             )
         units[name] = unit
     return units
 
 
-def mat_text(value: object) -> str:
-    """Give the text of a MATLAB char array or cell.
-
-    Parameters
-    ----------
-    value : object
-        Text, or nested arrays around it.
-
-    Returns
-    -------
-    str
-        Stripped; empty if there is none.
-    """
+def _mat_text(value: object) -> str:
+    """Give the text of a MATLAB char array or cell."""
     while isinstance(value, np.ndarray):
         if value.size == 0:
             return ""

@@ -63,7 +63,7 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
             del samples.values[name]
             samples.repairs.append(Repair("empty column", f"{name}: the column has no values; treated as absent"))
         elif missing.any() and name in inputs:
-            samples.values[name] = fill_input(samples, name, values, missing)
+            samples.values[name] = _fill_input(samples, name, values, missing)
         elif missing.any():
             rows = samples.rows[missing].tolist()
             message = f"{name}: {len(rows)} missing values, left out of every comparison ({list_rows(rows)})"
@@ -72,33 +72,11 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
         raise refuse(samples.path, "no column of a signal has any value")
 
 
-def fill_input(
+def _fill_input(
     samples: Samples, name: str, values: NDArray[np.float64], missing: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Interpolate the short holes of an input linearly in time.
-
-    Parameters
-    ----------
-    samples : Samples
-        The samples; takes the line about it.
-    name : str
-        The signal.
-    values : ndarray, shape (n,)
-        Its values.
-    missing : ndarray of bool, shape (n,)
-        Where they are missing.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Without NaN.
-
-    Raises
-    ------
-    UserError
-        If a hole is too long or at an end of the record.
-    """
-    for first, end in runs(missing):
+    """Interpolate the short holes of an input linearly in time."""
+    for first, end in _runs(missing):
         rows = samples.rows[first:end]
         span = f"row {rows[0]}" if end - first == 1 else f"rows {rows[0]} to {rows[-1]}"
         if first == 0 or end == values.size:
@@ -121,19 +99,8 @@ def fill_input(
     return filled
 
 
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Find the runs of True.
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (n,)
-        The mask.
-
-    Returns
-    -------
-    list of tuple of (int, int)
-        Start and end (exclusive) of every run.
-    """
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Find the runs of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
     return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -156,26 +123,12 @@ def notice_channels(samples: Samples, units: dict[str, str]) -> None:
             message = f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or held so)"
             samples.repairs.append(Repair("constant", message))
             continue
-        notice_quantised(samples, name, levels, valid.size, unit)
-        notice_clipped(samples, name, values, levels, unit)
+        _notice_quantised(samples, name, levels, valid.size, unit)
+        _notice_clipped(samples, name, values, levels, unit)
 
 
-def notice_quantised(samples: Samples, name: str, levels: NDArray[np.float64], count: int, unit: str) -> None:
-    """Note a channel that takes few distinct values, and its least step.
-
-    Parameters
-    ----------
-    samples : Samples
-        Takes the line.
-    name : str
-        The signal.
-    levels : ndarray, shape (m,)
-        Its distinct values, sorted.
-    count : int
-        How many samples there are.
-    unit : str
-        Its unit.
-    """
+def _notice_quantised(samples: Samples, name: str, levels: NDArray[np.float64], count: int, unit: str) -> None:
+    """Note a channel that takes few distinct values, and its least step."""
     if count < _QUANTISED_MINIMUM_SAMPLES or levels.size * _QUANTISED_SAMPLES_PER_LEVEL > count:
         return
     steps = np.diff(levels)
@@ -189,28 +142,14 @@ def notice_quantised(samples: Samples, name: str, levels: NDArray[np.float64], c
     samples.repairs.append(Repair("quantised", message))
 
 
-def notice_clipped(
+def _notice_clipped(
     samples: Samples, name: str, values: NDArray[np.float64], levels: NDArray[np.float64], unit: str
 ) -> None:
-    """Note a channel that rests at exactly its greatest or least value.
-
-    Parameters
-    ----------
-    samples : Samples
-        Takes the line.
-    name : str
-        The signal.
-    values : ndarray, shape (n,)
-        Its values.
-    levels : ndarray, shape (m,)
-        Its distinct values, sorted.
-    unit : str
-        Its unit.
-    """
+    """Note a channel that rests at exactly its greatest or least value."""
     for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
         at_level = values == level
         share = float(at_level.mean())
-        stretches = runs(at_level)
+        stretches = _runs(at_level)
         longest = max(stretches, key=lambda run: run[1] - run[0])
         length = longest[1] - longest[0]
         if share >= CLIPPED_SHARE and length >= CLIPPED_RUN:

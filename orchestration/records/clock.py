@@ -66,41 +66,24 @@ def repair_clock(samples: Samples) -> None:
     UserError
         If the clock restarts or is set back, or fewer than two samples are left.
     """
-    drop_missing_time(samples)
-    require_two(samples)
-    sort_late_rows(samples)
-    average_duplicates(samples)
-    require_two(samples)
-    notice_gaps(samples)
+    _drop_missing_time(samples)
+    _require_two(samples)
+    _sort_late_rows(samples)
+    _average_duplicates(samples)
+    _require_two(samples)
+    _notice_gaps(samples)
 
 
-def require_two(samples: Samples) -> None:
-    """Refuse a record of fewer than two instants.
-
-    Parameters
-    ----------
-    samples : Samples
-        The samples.
-
-    Raises
-    ------
-    UserError
-        If there are fewer than two.
-    """
+def _require_two(samples: Samples) -> None:
+    """Refuse a record of fewer than two instants."""
     if samples.time.size < 2:
         count = samples.time.size
         what = f"only one instant ({list_rows(samples.rows.tolist())})" if count else "no row with a valid time"
         raise refuse(samples.path, f"{what}; a record needs at least two different times")
 
 
-def drop_missing_time(samples: Samples) -> None:
-    """Drop the rows whose time is missing or infinite, in place.
-
-    Parameters
-    ----------
-    samples : Samples
-        The samples.
-    """
+def _drop_missing_time(samples: Samples) -> None:
+    """Drop the rows whose time is missing or infinite, in place."""
     bad = ~np.isfinite(samples.time)
     if bad.any():
         rows = samples.rows[bad].tolist()
@@ -109,21 +92,11 @@ def drop_missing_time(samples: Samples) -> None:
         samples.keep(~bad)
 
 
-def sort_late_rows(samples: Samples) -> None:
+def _sort_late_rows(samples: Samples) -> None:
     """Sort in the few rows that come late, in place; refuse a clock that restarts or is set back.
 
     A run of late rows is sorted if it is short, or if it fits between two neighbouring samples (a packet that arrived
     late). Any other run overlaps what was measured before it: sorting would shuffle two different times together.
-
-    Parameters
-    ----------
-    samples : Samples
-        The samples, all times finite.
-
-    Raises
-    ------
-    UserError
-        If the clock restarts, is set back, or too many rows are late.
     """
     time = samples.time
     before = np.maximum.accumulate(time)
@@ -143,7 +116,7 @@ def sort_late_rows(samples: Samples) -> None:
                 f"the clock restarts: {jump}; split the file before row {samples.rows[first]} "
                 "and use each part as a record",
             )
-        if end - first > LATE_RUN_ROWS and not fills_a_hole(time, first, end):
+        if end - first > LATE_RUN_ROWS and not _fills_a_hole(time, first, end):
             raise refuse(
                 samples.path,
                 f"the clock jumps back: {jump}, and {end - first} rows follow before it catches up (sorted are at most "
@@ -160,36 +133,18 @@ def sort_late_rows(samples: Samples) -> None:
     samples.keep(np.argsort(time, kind="stable"))
 
 
-def fills_a_hole(time: NDArray[np.float64], first: int, end: int) -> bool:
-    """Tell whether late rows fit, in order, between two neighbouring earlier samples.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Seconds.
-    first, end : int
-        The run of late rows is ``time[first:end]``.
-
-    Returns
-    -------
-    bool
-        True if no earlier sample lies between the first and the last of the run.
-    """
+def _fills_a_hole(time: NDArray[np.float64], first: int, end: int) -> bool:
+    """Tell whether late rows fit, in order, between two neighbouring earlier samples."""
     run = time[first:end]
     inside = (time[:first] >= run.min()) & (time[:first] <= run.max())
     return bool(np.all(np.diff(run) >= 0) and not inside.any())
 
 
-def average_duplicates(samples: Samples) -> None:
+def _average_duplicates(samples: Samples) -> None:
     """Replace the rows of one time by their mean, in place.
 
     The mean is the least-squares estimate of a quantity measured repeatedly at one instant; an ordered integrator can
     use only one value there. Missing cells are left out of the mean.
-
-    Parameters
-    ----------
-    samples : Samples
-        The samples, sorted by time.
     """
     time = samples.time
     first = np.concatenate(([True], np.diff(time) > 0))
@@ -220,16 +175,11 @@ def average_duplicates(samples: Samples) -> None:
     samples.repairs.append(Repair("duplicates", message, tuple(repeated)))
 
 
-def notice_gaps(samples: Samples) -> None:
+def _notice_gaps(samples: Samples) -> None:
     """Note gaps and uneven sampling, in place; both matter to tests for whiteness.
 
     A step is a gap if it exceeds ten times the median step of the record and of its surroundings, so that a record with
     logarithmic sampling is called uneven and not full of gaps.
-
-    Parameters
-    ----------
-    samples : Samples
-        The samples, strictly increasing in time.
     """
     steps = np.diff(samples.time)
     median = float(np.median(steps))

@@ -80,34 +80,12 @@ def read_lvm(path: Path, content: bytes) -> Table:
             column.unit = units[index] or None
     table.columns[0].unit = "s"
     if not any(str(cell).strip() for cell in table.columns[0].cells):
-        table.columns[0].cells = clock_from_header(path, fields, len(table.rows), table.repairs)
+        table.columns[0].cells = _clock_from_header(path, fields, len(table.rows), table.repairs)
     return table
 
 
-def clock_from_header(path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]) -> np.ndarray:
-    """Make the time column that ``X_Columns No`` leaves to the header's X0 and Delta_X.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for the message.
-    fields : dict of str to list of str
-        Header fields.
-    count : int
-        Number of rows.
-    repairs : list of Repair
-        Takes a line about it.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        Seconds.
-
-    Raises
-    ------
-    UserError
-        If X0 or Delta_X is absent or no positive step.
-    """
+def _clock_from_header(path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]) -> np.ndarray:
+    """Make the time column that ``X_Columns No`` leaves to the header's X0 and Delta_X."""
     try:
         origin, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError):
@@ -155,7 +133,7 @@ def read_tdms(path: Path, content: bytes) -> Table:
     finally:
         logging.disable(silenced)
     repairs: list[Repair] = []
-    if ends_inside_segment(content):
+    if _ends_inside_segment(content):
         count = min((values.size for values in data), default=0)
         lost = max((values.size for values in data), default=0) - count
         data = [values[:count] for values in data]
@@ -201,19 +179,8 @@ def read_tdms(path: Path, content: bytes) -> Table:
     return Table(path, columns, np.arange(1, data[0].size + 1), repairs)
 
 
-def ends_inside_segment(content: bytes) -> bool:
-    """Tell whether a TDMS file was cut off, from the segment lengths its lead-ins state.
-
-    Parameters
-    ----------
-    content : bytes
-        The file's content.
-
-    Returns
-    -------
-    bool
-        True if the last segment is longer than what is left of the file.
-    """
+def _ends_inside_segment(content: bytes) -> bool:
+    """Tell whether a TDMS file was cut off, from the segment lengths its lead-ins state."""
     lead_in = struct.Struct("<4sIIQQ")  # tag, contents, version, bytes to the next segment, bytes to the raw data
     position = 0
     while position + lead_in.size <= len(content):

@@ -1,10 +1,9 @@
 """Which column of a file is which signal of the model: by equal names, or by ``--map column=signal[unit]``."""
 
-import difflib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from fmus.kit.errors import UserError
+from fmus.kit.errors import UserError, suggestion
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, split_header_cell
 
@@ -63,56 +62,13 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     return mapping
 
 
-def suggest(word: str, choices: Collection[str]) -> str:
-    """Phrase a suggestion for a misspelt name.
-
-    Parameters
-    ----------
-    word : str
-        What was written.
-    choices : collection of str
-        What there is.
-
-    Returns
-    -------
-    str
-        ``" (did you mean 'x'?)"``, or empty.
-    """
-    folded = {choice.casefold(): choice for choice in choices}
-    close = difflib.get_close_matches(word.casefold(), list(folded), n=1)
-    return f" (did you mean '{folded[close[0]]}'?)" if close else ""
-
-
-def find_column(table: Table, name: str, why: str) -> Column:
-    """Find a column by its name, or by its whole header cell ``name [unit]``.
-
-    Parameters
-    ----------
-    table : Table
-        The file's columns.
-    name : str
-        What the user calls it.
-    why : str
-        Start of the message if it is not there.
-
-    Returns
-    -------
-    Column
-        The column.
-
-    Raises
-    ------
-    UserError
-        If there is none, or more than one.
-    """
+def _find_column(table: Table, name: str, why: str) -> Column:
+    """Find a column by its name, or by its whole header cell ``name [unit]``."""
     found = [column for column in table.columns if name in (column.name, f"{column.name} [{column.unit}]")]
     if len(found) > 1:
         raise refuse(table.path, f"{len(found)} columns are called '{name}'; rename them")
     if not found:
-        names = table.names()
-        raise refuse(
-            table.path, f"{why}: there is no column '{name}'{suggest(name, names)}; there are: {', '.join(names)}"
-        )
+        raise refuse(table.path, f"{why}: there is no column '{name}'{suggestion(name, table.names())}")
     return found[0]
 
 
@@ -146,18 +102,15 @@ def match_columns(
     for name, target in mapping.items():
         signal, unit = split_header_cell(target)
         if signal != TIME and signal not in signals:
-            raise UserError(
-                f"--map '{name}={target}': the model has no signal '{signal}'{suggest(signal, signals)}; "
-                f"it has: {', '.join(signals)}"
-            )
+            raise UserError(f"--map '{name}={target}': the model has no signal '{signal}'{suggestion(signal, signals)}")
         if signal in matches:
             raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
-        matches[signal] = Match(find_column(table, name, f"--map '{name}={target}'"), signal, unit)
+        matches[signal] = Match(_find_column(table, name, f"--map '{name}={target}'"), signal, unit)
     taken = [match.column for match in matches.values()]
     if len({id(column) for column in taken}) != len(taken):
         raise refuse(table.path, "--map gives one column to two signals")
     if TIME not in matches:
-        matches[TIME] = Match(find_time(table, signals, taken), TIME, None)
+        matches[TIME] = Match(_find_time(table, signals, taken), TIME, None)
     taken.append(matches[TIME].column)
     for signal in signals:
         if signal in matches:
@@ -173,11 +126,10 @@ def match_columns(
     left = [column.name for column in table.columns if not any(column is other for other in taken)]
     for signal in required:
         if signal not in matches:
-            there = ", ".join(table.names())
             raise refuse(
                 table.path,
-                f"the signal '{signal}' [{signals.get(signal, '?')}] is required and absent{suggest(signal, left)}; "
-                f"columns there are: {there}; to rename one: --map 'column={signal}'",
+                f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the columns"
+                f"{suggestion(signal, left)}; to rename one: --map 'column={signal}'",
             )
     if len(matches) == 1:
         raise refuse(
@@ -186,33 +138,14 @@ def match_columns(
             "to rename one: --map 'column=signal'",
         )
     if left:
-        hints = [f"'{name}'{suggest(name, [s for s in signals if s not in matches])}" for name in left]
+        absent = [signal for signal in signals if signal not in matches]
+        hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in left]
         table.repairs.append(Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}"))
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
 
 
-def find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> Column:
-    """Find the time column: the one called time, else the first column if its unit is a time.
-
-    Parameters
-    ----------
-    table : Table
-        The file's columns.
-    signals : mapping of str to str
-        The model's signals.
-    taken : list of Column
-        Columns the user has mapped to signals.
-
-    Returns
-    -------
-    Column
-        The time column.
-
-    Raises
-    ------
-    UserError
-        If there is none, or more than one.
-    """
+def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> Column:
+    """Find the time column: the one called time, else the first column if its unit is a time."""
     from fmus.kit.units import parse
 
     free = [column for column in table.columns if not any(column is other for other in taken)]

@@ -57,7 +57,7 @@ def read_record(
     table = read_table(path)
     matches = match_columns(table, signals, mapping or {}, required)
     units = {TIME: "s", **signals} if TIME not in signals else {**signals, TIME: "s"}
-    values = {match.signal: column_in_unit(table, match, units[match.signal]) for match in matches}
+    values = {match.signal: _column_in_unit(table, match, units[match.signal]) for match in matches}
     time = values.pop(TIME)
     samples = Samples(path, time, values, table.rows, table.repairs)
     # absurd values near the largest double overflow in differences; they are the file's, and no reason for a traceback
@@ -70,28 +70,8 @@ def read_record(
     return Record(samples.time, samples.values, declared, path, samples.repairs)
 
 
-def column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
-    """Give a column's values in the model's unit.
-
-    Parameters
-    ----------
-    table : Table
-        The file; takes a line where a unit was assumed or replaced.
-    match : Match
-        The column and its signal.
-    unit : str
-        The model's unit.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Values in `unit`.
-
-    Raises
-    ------
-    UserError
-        If a cell is no number, or the unit does not convert.
-    """
+def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
+    """Give a column's values in the model's unit."""
     column = match.column
     found = match.unit or column.unit
     if found is None:

@@ -64,26 +64,6 @@ class Record:
     source: Path
     repairs: list[Repair] = field(default_factory=list)
 
-    def describe(self) -> str:
-        """Say in a few lines what the record holds and what was done to it.
-
-        Returns
-        -------
-        str
-            One line for the record, one per signal, one per repair.
-        """
-        step = float(np.median(np.diff(self.time)))
-        lines = [
-            f"{self.source}: {self.time.size} samples, {self.time[0]:.6g} s to {self.time[-1]:.6g} s, "
-            f"median step {step:.6g} s"
-        ]
-        for name, values in self.signals.items():
-            missing = int(np.isnan(values).sum())
-            tail = f", {missing} missing" if missing else ""
-            lines.append(f"  {name} [{self.units[name]}]: {np.nanmin(values):.6g} to {np.nanmax(values):.6g}{tail}")
-        lines += [f"  {'repaired' if r.changed_data else 'noticed'} ({r.kind}): {r.message}" for r in self.repairs]
-        return "\n".join(lines)
-
 
 def list_rows(rows: Iterable[int], limit: int = 5) -> str:
     """Write row numbers for a message: all of them if few, else the first `limit` and how many there are.

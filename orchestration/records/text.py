@@ -83,19 +83,8 @@ def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
         raise refuse(path, f"row {row}: the quotes do not match ({error})") from error
 
 
-def sniff_delimiter(header: str) -> str | None:
-    """Find the delimiter of a header line: tab, else semicolon, else comma, outside quotes and unit brackets.
-
-    Parameters
-    ----------
-    header : str
-        The header line.
-
-    Returns
-    -------
-    str or None
-        None if the line holds none of them.
-    """
+def _sniff_delimiter(header: str) -> str | None:
+    """Find the delimiter of a header line: tab, else semicolon, else comma, outside quotes and unit brackets."""
     bare = re.sub(r'"[^"]*"|\[[^\]]*\]', "", header)
     return next((delimiter for delimiter in "\t;," if delimiter in bare), None)
 
@@ -126,7 +115,7 @@ def read_text(path: Path, content: bytes) -> Table:
         start += 1
     if start == len(lines):
         raise refuse(path, f"the file holds nothing but comments and blank lines; {EXPECTED}")
-    delimiter = sniff_delimiter(lines[start])
+    delimiter = _sniff_delimiter(lines[start])
     if delimiter is None:
         raise refuse(
             path, f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns; {EXPECTED}"
@@ -199,7 +188,7 @@ def tabulate(
             cells.pop()  # delimiters at the end of a line
         if optional_last and len(cells) == width - 1:
             cells.append("")
-        if is_partial(cells, header, index == last, ended):
+        if _is_partial(cells, header, index == last, ended):
             repairs.append(Repair("partial line", f"row {index + 1}, the last, is cut off: dropped", (index + 1,)))
             continue
         if len(cells) != width:
@@ -214,32 +203,15 @@ def tabulate(
     if not ended and rows[-1] == len(lines):
         message = f"row {rows[-1]}, the last, has no line end: its last number may be cut short; it was kept"
         repairs.append(Repair("no line end", message, (rows[-1],)))
-    columns = make_columns(header, records)
+    columns = _make_columns(header, records)
     table = Table(path, columns, np.array(rows, dtype=np.int64), repairs)
     if delimiter != ",":
         replace_decimal_commas(table)
     return table
 
 
-def is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool) -> bool:
-    """Tell whether a line is the torn end of a file that was being written.
-
-    Parameters
-    ----------
-    cells : list of str
-        Cells of the line.
-    header : list of str
-        Cells of the header.
-    is_last : bool
-        Whether it is the last line.
-    ended : bool
-        Whether that line is ended by a line end.
-
-    Returns
-    -------
-    bool
-        True if cells are lacking, or the unended last cell is empty or torn within a number ('1.5e-').
-    """
+def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool) -> bool:
+    """Tell whether a line is the torn end of a file that was being written."""
     if not is_last:
         return False
     if len(cells) < len(header):
@@ -249,21 +221,8 @@ def is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool) 
     return not ended and len(cells) == len(header) and header[-1].strip() != "" and torn and not complete
 
 
-def make_columns(header: list[str], records: list[list[str]]) -> list[Column]:
-    """Turn rows of cells into named columns, leaving out columns that have neither a name nor content.
-
-    Parameters
-    ----------
-    header : list of str
-        Header cells.
-    records : list of list of str
-        Cells of every row.
-
-    Returns
-    -------
-    list of Column
-        In file order.
-    """
+def _make_columns(header: list[str], records: list[list[str]]) -> list[Column]:
+    """Turn rows of cells into named columns, leaving out columns that have neither a name nor content."""
     columns = []
     for cell, cells in zip(header, zip(*records, strict=True), strict=True):
         name, unit = split_header_cell(cell)

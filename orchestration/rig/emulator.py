@@ -42,13 +42,6 @@ class RigParameters:
         factors = np.exp(spread * np.random.default_rng(seed).standard_normal(8))
         return cls(*(np.array(astuple(cls())) * factors).tolist())
 
-    @classmethod
-    def aged(cls, seed: int) -> "RigParameters":
-        """Draw a worn specimen: more series resistance, more leakage, less capacitance and stroke, softer creep."""
-        low = [1.2, 0.6, 0.65, 0.70, 0.85, 0.7, 0.85, 0.7]
-        high = [1.7, 0.9, 0.90, 0.95, 1.00, 1.0, 1.00, 1.0]
-        return cls(*(np.array(astuple(cls())) * np.random.default_rng(seed).uniform(low, high)).tolist())
-
 
 @dataclass
 class Physics:
@@ -114,15 +107,16 @@ class SaturatingStrain(Physics):
 
 @dataclass
 class GrowingResistance(Physics):
-    """Hidden variation: the series resistance rises by a fraction per coulomb moved into or out of the films."""
+    """Hidden variation: the series resistance rises with the charge moved into and out of the films, and levels off."""
 
     linear: ClassVar[bool] = False
     extra_states: ClassVar[int] = 1  # throughput, C
-    growth: float = 1e-3  # 1/C
+    growth: float = 0.5  # of the resistance, in the end
+    endurance: float = 500.0  # C, throughput that brings about half of it
 
     def series_resistance(self, state: Array) -> Any:
-        """Grow in proportion to the throughput."""
-        return super().series_resistance(state) * (1 + self.growth * state[3])
+        """Grow by a fraction that saturates with the throughput, as sites for damage are used up."""
+        return super().series_resistance(state) * (1 + self.growth * state[3] / (self.endurance + state[3]))
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append the rate of the throughput."""
@@ -145,20 +139,38 @@ class LoadDependentVoltage(Physics):
 class EmulatedRig:
     """An actuator on a bench with noisy, optionally quantised, sensors.
 
-    Every run starts afresh but draws new noise; rigs made alike repeat the same sequence of runs. After a run, `truth`
-    holds its noise-free voltage, displacement (and its two parts) and charge. `hidden` makes the physics from the
-    parameters: a subclass of `Physics`, or a `functools.partial` of one. Noise is AR(1) with lag-one correlation
-    `noise_colour` and the given standard deviation. A resolution is one converter count; zero means no quantisation.
+    Every run starts afresh but draws new noise; rigs made alike repeat the same sequence of runs.
+
+    Parameters
+    ----------
+    parameters : RigParameters
+    seed : int
+        Of the noise.
+    voltage_noise, displacement_noise : float
+        Standard deviations (V, m).
+    noise_colour : float
+        Lag-one correlation of the noise, which is AR(1).
+    initial_charge : float
+        C.
+    voltage_resolution, displacement_resolution : float
+        One converter count (V, m); zero means no quantisation.
+    hidden : callable, optional
+        Makes the physics from the parameters: a subclass of `Physics`, or a `functools.partial` of one.
+
+    Attributes
+    ----------
+    truth : dict of str to ndarray, shape (n,)
+        Of the last run, without noise: voltage, displacement and its two parts, charge.
     """
 
     parameters: RigParameters = RigParameters()
     seed: int = 0
-    voltage_noise: float = 4e-3  # V
-    displacement_noise: float = 3e-6  # m
+    voltage_noise: float = 4e-3
+    displacement_noise: float = 3e-6
     noise_colour: float = 0.0
-    initial_charge: float = 0.0  # C
-    voltage_resolution: float = 0.0  # V
-    displacement_resolution: float = 0.0  # m
+    initial_charge: float = 0.0
+    voltage_resolution: float = 0.0
+    displacement_resolution: float = 0.0
     hidden: Callable[[RigParameters], Physics] | None = None
 
     def __post_init__(self) -> None:
@@ -176,12 +188,15 @@ class EmulatedRig:
 
         Parameters
         ----------
-        time : (n,) s, strictly increasing
-        current, force : (n,) or scalar, A and N (tension positive)
+        time : array_like, shape (n,)
+            Seconds, strictly increasing.
+        current, force : array_like, shape (n,) or scalar
+            A and N, tension positive.
 
         Returns
         -------
-        dict of (n,) arrays ``voltage`` (V) and ``displacement`` (m), as the sensors report them
+        dict of str to ndarray, shape (n,)
+            ``voltage`` (V) and ``displacement`` (m), as the sensors report them.
 
         Raises
         ------

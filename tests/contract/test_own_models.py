@@ -126,6 +126,27 @@ def test_effect_of_a_user_over_a_component(built, runtime):
         assert one.get("voltage")[0] == pytest.approx(2.0 * 0.43 * 2.35 / (0.43 + 2.35), rel=1e-12)
 
 
+def test_effects_of_one_name_from_two_modules(tmp_path, built, runtime):
+    effect = """
+from fmus.kit import Effect
+
+
+class Lag(Effect):
+    id = "{id}"
+
+    def terminal_voltage(self):
+        return {factor} * super().terminal_voltage()
+"""
+    effects = []
+    for name, factor in (("two", 2.0), ("three", 3.0)):
+        (tmp_path / f"{name}.py").write_text(effect.format(id=name, factor=factor))
+        effects.append(load(tmp_path / f"{name}.py"))
+    assert effects[0].__name__ == effects[1].__name__
+    with instance(built(stack(component("ppy_actuator"), *effects, name=f"six_{next(_count)}"), runtime)) as one:
+        one.initialize({"current": 1.0})
+        assert one.get("voltage")[0] == pytest.approx(6.0 * 0.43 * 2.35 / (0.43 + 2.35), rel=1e-12)
+
+
 def test_text_of_the_model_is_kept_but_for_the_imports(tmp_path):
     path = write(tmp_path / "lag.py")
     text = plan(load(path), "python").files["resources/python/models/lag.py"].decode()

@@ -151,8 +151,9 @@ static bool known(const Instance *instance, Role role) {
     return role == ROLE_INPUT || (starting ? role == ROLE_PARAMETER : role == ROLE_STATE);
 }
 
-static bool unknown(const Instance *instance, Role role) {
-    return role >= ROLE_OUTPUT || (instance->now.mode == INITIALIZATION && role == ROLE_STATE);
+/* A state may be an output; it follows its own seed, and a discrete one nothing until its next sample instant. */
+static bool unknown(Role role) {
+    return role >= ROLE_STATE;
 }
 
 EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
@@ -170,7 +171,7 @@ EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueR
         !valid(instance, function, TYPE_REAL, knowns, n_knowns, seeds))
         return fmi2Error;
     for (size_t i = 0; i < n_unknowns; i++)
-        if (!unknown(instance, model_variables[unknowns[i]].role))
+        if (!unknown(model_variables[unknowns[i]].role))
             return report(instance, fmi2Error, "%s: '%s' is not an unknown here", function,
                           model_variables[unknowns[i]].name);
     for (size_t i = 0; i < n_knowns; i++) {

@@ -84,7 +84,10 @@ static bool give_up(const Engine *engine, double time, double error, Message mes
 static bool spend(Engine *engine, double time, Message message) {
     if (engine->budget-- > 0)
         return true;
-    snprintf(message, MESSAGE_SIZE, "more than 1000000 internal steps in one communication step at %.10g s", time);
+    snprintf(message, MESSAGE_SIZE,
+             "more than 1000000 internal steps in one communication step at %.10g s: with these parameters a time "
+             "constant is far too short for a step so long",
+             time);
     return false;
 }
 

@@ -45,16 +45,17 @@ fmi2Status refresh_derivatives(Instance *instance) {
 
 static bool step_valid(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
+    double slack = 1e-9 * fmax(1.0, fabs(time)) + 1e-6 * step; /* hosts add up steps and round */
     if (!isfinite(time) || !isfinite(step) || step <= 0.0)
         report(instance, fmi2Error, "fmi2DoStep: time %g s and step %g s must be finite numbers, the step positive",
                time, step);
-    else if (fabs(time - now->time) > 1e-9 * fmax(1.0, fabs(time)) + 1e-6 * step)
-        report(instance, fmi2Error, "fmi2DoStep: the step begins at %.10g s but the instance is at %.10g s", time,
+    else if (fabs(time - now->time) > slack)
+        report(instance, fmi2Error, "fmi2DoStep: the step begins at %.15g s but the instance is at %.15g s", time,
                now->time);
     else if (!isfinite(time + step) || time + step == time)
         report(instance, fmi2Error, "fmi2DoStep: a step of %g s cannot be represented at t = %.10g s", step, time);
-    else if (time + step > now->stop_time + 1e-6 * step)
-        report(instance, fmi2Error, "fmi2DoStep: the step ends at %.10g s, after the stop time %.10g s", time + step,
+    else if (time + step > now->stop_time + slack)
+        report(instance, fmi2Error, "fmi2DoStep: the step ends at %.15g s, after the stop time %.15g s", time + step,
                now->stop_time);
     else
         return true;

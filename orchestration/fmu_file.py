@@ -1,0 +1,129 @@
+"""The file an FMU comes in: opened and judged in one place, for those who run it and for those who check it."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+from xml.etree import ElementTree
+
+from fmus.kit.errors import UserError
+
+_DESCRIPTION = "modelDescription.xml"
+# What zipfile raises on damaged, encrypted or strangely compressed members.
+_UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
+
+
+class Archive:
+    """An opened FMU; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    UserError
+        If the file is missing, no zip archive, no FMU, or not of FMI 2.0.
+
+    Attributes
+    ----------
+    path : Path
+    names : list of str
+        Files in it, folders left out.
+    description : xml.etree.ElementTree.Element
+        Root of ``modelDescription.xml``.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        if not path.is_file():
+            raise UserError(f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}")
+        try:
+            self._zip = zipfile.ZipFile(path)
+        except _UNREADABLE as error:
+            raise UserError(f"{path}: not an FMU (an FMU is a zip archive; this is none, or it is cut off)") from error
+        try:
+            self.names = [name for name in self._zip.namelist() if not name.endswith("/")]
+            self.description = self._read_description()
+        except UserError:
+            self._zip.close()
+            raise
+
+    def _read_description(self) -> ElementTree.Element:
+        if _DESCRIPTION not in self.names:
+            raise UserError(f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)")
+        try:
+            root = ElementTree.fromstring(self._zip.read(_DESCRIPTION))
+        except (ElementTree.ParseError, LookupError, *_UNREADABLE) as error:
+            raise UserError(f"{self.path}: {_DESCRIPTION} cannot be read ({error})") from error
+        if root.tag != "fmiModelDescription":
+            raise UserError(f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'")
+        if (version := root.get("fmiVersion")) != "2.0":
+            raise UserError(f"{self.path}: FMI version {version or 'not stated'}; this program knows FMI 2.0")
+        return root
+
+    def __enter__(self) -> Archive:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._zip.close()
+
+    @property
+    def platforms(self) -> list[str]:
+        """Folders in ``binaries/`` that hold something."""
+        paths = [name.split("/") for name in self.names]
+        return sorted({parts[1] for parts in paths if parts[0] == "binaries" and len(parts) > 2})
+
+    def read(self, name: str) -> bytes | None:
+        """Contents of a file; None if it is damaged."""
+        try:
+            return self._zip.read(name)
+        except _UNREADABLE:
+            return None
+
+    def entries(self) -> list[zipfile.ZipInfo]:
+        """Everything in the archive, folders too."""
+        return self._zip.infolist()
+
+    def interfaces(self) -> list[ElementTree.Element]:
+        """Elements ``CoSimulation`` and ``ModelExchange``, those that are there."""
+        return [element for element in self.description if element.tag in ("CoSimulation", "ModelExchange")]
+
+
+def read_description(path: Path) -> Any:
+    """Read the model description of an FMU that is to be run.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    fmpy.model_description.ModelDescription
+
+    Raises
+    ------
+    UserError
+        If the file is missing, no zip, no FMU, or not FMI 2.0 for co-simulation.
+    """
+    import fmpy
+
+    with Archive(path):  # the outer form only: `ppy check` is there for the rest
+        pass
+    try:
+        description = fmpy.read_model_description(str(path), validate=False)
+    except Exception as error:
+        raise UserError(f"{path}: {_DESCRIPTION} cannot be read ({first_line(error)})") from error
+    if description.coSimulation is None:
+        raise UserError(f"{path}: an FMU for model exchange only; this program runs co-simulation")
+    return description
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of an error's text, or its kind if it has none."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
