@@ -27,8 +27,8 @@ TARGETS = {NATIVE: (YARDSTICK, 1.0), PYTHON: (STOCK, 1.5)}
 STEP = 0.1  # s
 FMPY, IN_C = "Through fmpy's `FMU2Slave`", "The same calls in a loop in C"
 HOSTS = {FMPY: 1, IN_C: 5}  # how many times the steps of a turn
-HELD = "current held at 0.9 A, for which one internal step is accurate"
-CHANGING = "current between -0.9 A and 0.9 A, another in each step, for which the actuator needs shorter internal steps"
+HELD = "current held at 0.9 A"
+CHANGING = "current between -0.9 A and 0.9 A, another in each step"
 _SIGNALS = {EMPTY: ("u", "x"), YARDSTICK: ("u", "x"), STOCK: ("u", "x")}
 _ACTUATOR = ("current", "voltage")
 

@@ -129,22 +129,28 @@ def _model(name: str, runtime: str) -> Model:
         return find_model(name, runtime)
 
 
-def _check_results(result: Path | None, picture: Path | None) -> None:
-    """Refuse, before any work is done, names under which nothing can be written."""
+def _check_results(source: Path | None, result: Path | None, picture: Path | None) -> None:
+    """Refuse, before any work is done, names under which nothing can be written or something would be lost."""
     from orchestration.pictures import picture_format
 
     for option, path in (("--out", result), ("--plot", picture)):
         if path is not None and path.is_dir():
             raise UserError(f"{option} {path}: this is a folder; name a file in it")
+        if path is not None and source is not None and path.exists() and source.exists() and path.samefile(source):
+            raise UserError(f"{option} {path}: this is the record itself; it will not be overwritten")
+    if result is not None and result == picture:
+        raise UserError(f"--out and --plot both name {result}")
     if picture is not None:
         picture_format(picture)
 
 
-def _absent(model: Model, signals: Collection[str], parameters: Collection[str]) -> None:
-    """Tell which inputs no file and no setting gives."""
+def _check_inputs(model: Model, signals: Collection[str], parameters: Collection[str]) -> None:
+    """Refuse inputs that are given twice; tell which inputs no file and no setting gives."""
     from fmus.kit.documentation import shown
 
     for name, signal in model.inputs.items():
+        if name in signals and name in parameters:
+            raise UserError(f"--set {name}: the record has a column for it; leave out one of the two")
         if name not in signals and name not in parameters:
             start = shown(signal.start, signal)
             err.print(f"warning: no values for the input {name}; it stays at {start}", markup=False)
@@ -165,7 +171,7 @@ def simulate(
     renamed = parse_mapping(mapping)
     if renamed and input_file is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
-    _check_results(result, picture)
+    _check_results(input_file, result, picture)
     model = _model(name, runtime)
     parameters = model.settings(settings, preset)
     experiment = read_description(model.path).defaultExperiment
@@ -174,7 +180,7 @@ def simulate(
         units_of = {s.name: s.unit for s in model.inputs.values()}
         record = read_record(input_file, units_of, mapping=renamed, inputs=list(units_of))
         _notes(record.repairs)
-        _absent(model, record.signals, parameters)
+        _check_inputs(model, record.signals, parameters)
         time = work.points(record.time, stop, step)
         inputs = {signal: work.held(record, signal, time) for signal in record.signals}
     else:
@@ -211,12 +217,12 @@ def compare(
     from orchestration import compare as work
     from orchestration.records import parse_mapping
 
-    _check_results(result, picture)
+    _check_results(record, result, picture)
     model = _model(name, runtime)
     parameters = model.settings(settings, preset)
     data = work.read_for(model, record, parse_mapping(mapping))
     _notes(data.repairs)
-    _absent(model, data.signals, parameters)
+    _check_inputs(model, data.signals, parameters)
     with progress() as tell:
         comparison = work.compare(model, data, parameters, names, tell)
     show(comparison)

@@ -453,3 +453,14 @@ def test_an_internal_error_is_one_line_too_and_shows_where_on_request(folder):
     assert done.returncode == 2
     assert re.fullmatch(r"error: internal error, please report: TypeError: .*PPY_DEBUG=1 shows where\)\n", done.stderr)
     assert "Traceback" in ppy("list", cwd=folder, environment={"PYTHONPATH": paths, "PPY_DEBUG": "1"}).stderr
+
+
+@pytest.mark.parametrize("command", [["compare", "record.csv"], ["simulate", "ppy_actuator", "--input", "record.csv"]])
+def test_the_record_itself_is_never_overwritten(folder, command):
+    refused(folder, *command, "--out", "record.csv", parts=["--out record.csv", "the record itself"])
+    refused(folder, *command, "--out", folder / "record.csv", parts=["the record itself"])
+    refused(folder, *command, "--out", "out.png", "--plot", "out.png", parts=["both name out.png"])
+
+
+def test_an_input_given_twice_is_refused(folder):
+    refused(folder, "compare", "record.csv", "--set", "current=2", parts=["--set current", "column for it"])

@@ -110,7 +110,7 @@ def test_an_infinite_interval_becomes_null(model, record):
     record.signals["force"] = np.zeros(TIME.size)
     page = comparing.to_json(comparing.compare(model, record, {}, ["k1"]))
     assert page["fitted"]["parameters"]["k1"]["ci95"] == [0.0, None]
-    assert page["fitted"]["warnings"] == ["this record does not determine k1"]
+    assert "this record does not determine k1" in page["fitted"]["warnings"]
 
 
 def test_a_record_too_short_for_whiteness_is_judged_all_the_same(model, record):

@@ -81,7 +81,7 @@ def test_a_supercapacitor(public_data, tmp_path, age, least):
     # capacitance by hand: charge moved over voltage swept, which leaves out R1 and leakage and so agrees only roughly
     value = fitted["parameters"]["C"]["value"]
     assert value == pytest.approx(by_hand(public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv")), rel=0.2)
-    assert fitted["warnings"] == []
+    assert ["varies slowly" in w for w in fitted["warnings"]] == [True]  # one RC branch is too few
 
 
 def by_hand(path):

@@ -28,6 +28,7 @@ _SETTLED = 0.01  # relative change of the weights that ends it
 _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 _MOST_ORDER = 4  # of the noise model
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
+_FEW = 50  # independent values below which the colour of a residual is not known well enough
 _FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
 
 
@@ -139,6 +140,10 @@ class _Problem:
         change = np.array([self.weight[o] / before[o] for o in before])
         return bool(change.max() < (1.0 + _SETTLED) * change.min())  # a common factor moves no optimum
 
+    def misses(self, output: str, residual: Array) -> bool:
+        """Whether there is a residual at all, beyond rounding."""
+        return bool(np.std(residual) > 1e-6 * np.std(self.measured[output][self.present[output]]))
+
     def bounds(self) -> tuple[Array, Array]:
         ranges = [(self.declared[n].min, self.declared[n].max) for n in self.names]
         ends = [(s.position(low), s.position(high)) for s, (low, high) in zip(self.scales, ranges, strict=True)]
@@ -237,7 +242,22 @@ def _intervals(problem: _Problem, q: Array) -> tuple[dict[str, tuple[float, floa
         (tangled, "this record does not determine {} separately"),
         (vague, "this record hardly determines {}: the interval spans more than a factor of 100"),
     ]
-    return ends, [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
+    told = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
+    return ends, told + [_slow(o, e) for o, e in error.items() if _independent(e) < _FEW and problem.misses(o, e)]
+
+
+def _independent(residual: Array) -> float:
+    """Return how many independent values tell as much about a mean as this series, by its lag-1 autocorrelation."""
+    power = float(residual @ residual)
+    lag_one = float(residual[:-1] @ residual[1:]) / power if power > 0.0 else 0.0
+    return len(residual) * (1.0 - lag_one) / (1.0 + lag_one)
+
+
+def _slow(output: str, residual: Array) -> str:
+    return (
+        f"the residual of {output} varies slowly, as {_independent(residual):.0f} independent values would: the "
+        "intervals are too narrow"
+    )
 
 
 def _standard_errors(

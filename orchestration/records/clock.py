@@ -190,7 +190,8 @@ def _notice_gaps(samples: Samples) -> None:
         longest = gaps[int(np.argmax(steps[gaps]))]
         message = (
             f"{len(gaps)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s, the longest "
-            f"{steps[longest]:.4g} s before row {samples.rows[longest + 1]}; kept (before {list_rows(rows)})"
+            f"{steps[longest]:.4g} s before row {samples.rows[longest + 1]} (before {list_rows(rows)}); a simulation "
+            "holds the inputs through a gap, and what follows it is right only if they did not change"
         )
         samples.repairs.append(Repair("gap", message, tuple(rows)))
     low, high = np.quantile(steps, [0.05, 0.95])
