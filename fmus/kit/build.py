@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
-import re
-import sys
 import tempfile
 import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from . import archive, codegen, toolchain
 from .bundle import RUNTIME_MODULES, bundle
 from .component import Component
+from .contents import documents
 from .description import Capabilities, describe
-from .documentation import page
 from .errors import UserError
-from .parameters import to_ssv
 from .trace import Graph, trace
 
 KIT = Path(__file__).parent
@@ -79,7 +75,7 @@ def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
     if runtime not in RUNTIMES:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(RUNTIMES)}")
     graph = trace(cls)
-    files = _common(cls, remark)
+    files = documents(cls, remark)
     files |= _python_package(cls) if runtime == "python" else {}
     native = runtime == "native"
     can = Capabilities(
@@ -187,11 +183,6 @@ def _guid(files: dict[str, bytes]) -> str:
     return f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}"
 
 
-def _folder(cls: type[Component]) -> Path:
-    """Folder of the component, also of one with effects stacked on it."""
-    return Path(getattr(sys.modules.get(cls.__module__), "__file__", None) or "").parent
-
-
 def _sources(graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
     """Every C file of the build, and the headers it needs."""
     generated = codegen.native_sources(graph, guid) if runtime == "native" else codegen.python_sources(graph, guid)
@@ -202,53 +193,6 @@ def _sources(graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
     own[_ALL] = "".join(f'#include "{name}"\n' for name in parts).encode()
     own |= {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
     return own | {name: text.encode() for name, text in generated.items()}
-
-
-def _common(cls: type[Component], remark: str) -> dict[str, bytes]:
-    """Documentation, licences, icon, presets and the reference result."""
-    folder = _folder(cls)
-    files = {"documentation/index.html": page(cls, folder / "README.md", remark).encode()}
-    for licence in sorted((KIT / "licences").iterdir()):
-        files[f"documentation/licenses/{licence.name}"] = licence.read_bytes()
-    icon = folder / "model.png"
-    if icon.exists():
-        files["model.png"] = icon.read_bytes()
-    declared = {p.name: p for p in cls.layout.parameters}
-    for name, preset in cls.presets.items():
-        files[f"resources/presets/{name}.ssv"] = to_ssv(name, preset.values, declared, preset.doc)
-    return files | _reference(cls, folder / "reference")
-
-
-def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
-    """Pack the reference result in the form of FMI-LS-REF 1.0.0-alpha.1; none for a component that was extended."""
-    stimuli, results = folder / f"{cls.name}_in.csv", folder / f"{cls.name}_ref.csv"
-    if not results.exists():
-        return {}
-    place = "extra/org.fmi-standard.fmi-ls-ref"
-    namespace = "http://fmi-standard.org/fmi-ls-manifest"
-    manifest = Element(
-        "fmiReferences", {"xmlns:fmi-ls": namespace, "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
-        "fmi-ls:fmi-ls-version": "1.0.0-alpha.1", "fmi-ls:fmi-ls-description": "files related to this FMU"},
-    )  # fmt: skip
-    stop, step = (
-        re.findall(rf"^{key},(.*)$", (folder / f"{cls.name}_ref.opt").read_text(encoding="utf-8"), re.M)[0]
-        for key in ("StopTime", "StepSize")
-    )
-    experiments = Element("Experiments", name=cls.name)
-    experiment = SubElement(
-        experiments, "Experiment", name="reference", startTime="0", stopTime=stop, stepSize=step,
-        description="exact solution by matrix exponential; inputs are held, a repeated time is a jump",
-    )  # fmt: skip
-    SubElement(experiment, "Stimuli", source=stimuli.name, type="text/csv")
-    SubElement(experiment, "References", source=results.name, type="text/csv")
-    for element in (manifest, experiments):
-        indent(element)
-    return {
-        f"{place}/fmi-ls-manifest.xml": tostring(manifest, encoding="utf-8", xml_declaration=True),
-        f"{place}/experiments.xml": tostring(experiments, encoding="utf-8", xml_declaration=True),
-        f"{place}/{stimuli.name}": stimuli.read_bytes(),
-        f"{place}/{results.name}": results.read_bytes(),
-    }
 
 
 def _python_package(cls: type[Component]) -> dict[str, bytes]:
