@@ -25,7 +25,8 @@ FMPY = Path(fmpy.__file__).parent
 GUID = "{12345678-1234-1234-1234-123456789012}"
 CLASSES = [
     Thermostat, Divider, Curved, stack(Thermostat, Warmer, Doubled),
-    *map(fmus.component, fmus.COMPONENTS), *(stack(fmus.component(n), *EFFECTS.values()) for n in fmus.COMPONENTS),
+    *map(fmus.component, fmus.COMPONENTS),
+    *(stack(fmus.component(name), *fmus.effects(name).values()) for name in fmus.COMPONENTS if fmus.effects(name)),
 ]  # fmt: skip
 classes = pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.name)
 CAN = Capabilities(

@@ -67,7 +67,8 @@ def test_all_fmus_in_one_process_run_as_each_alone(fmu, built):
     assert trails == [hosts.in_subprocess(alone, file, seed)[1] for file, seed, _ in runs]
     assert not paths
     assert not [m for m in modules if m.partition(".")[0] == "fmus" or m.startswith("tests.")], "modules of the host"
-    assert len({m.partition(".")[0] for m in modules if m.startswith("_ppy_fmu_")}) == len(files) // 2
+    # each had a package of its own; of those whose instances are gone the last four are kept
+    assert len({m.partition(".")[0] for m in modules if m.startswith("_ppy_fmu_")}) == min(4, len(files) // 2)
 
 
 def test_fmus_with_modules_of_one_name_keep_their_own_laws(fmu, built, name, runtime):

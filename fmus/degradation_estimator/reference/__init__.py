@@ -1,0 +1,1 @@
+"""Reference results of the degradation estimator, and the script that makes them."""

@@ -1,0 +1,1 @@
+"""The humanoid foot of thesis chapter 5: kinematics and statics, and a dynamic form."""

@@ -1,0 +1,81 @@
+"""Stance phase of the gait, eqs. 5.13-5.16, and the joint angles that actuator lengths ask for.
+
+Eq. 5.16 as printed repeats eq. 5.15; the plantar length is that of the M-file (``docs/errata.md``, row 14). Together
+the four lengths are no motion of a rigid foot: antagonists of unequal moment arms cannot both move by 1 mm.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..kit import UserError, sin
+from .model import FootGeometry
+
+ACTUATORS = ("an", "po", "do", "pl")
+_AMPLITUDE = 1e-3  # m
+_PERIOD = 1.0  # s
+
+
+def length_changes(time: Any) -> dict[str, Any]:
+    """Change of each actuator's length in the stance phase (eqs. 5.13-5.16).
+
+    Parameters
+    ----------
+    time : float or ndarray
+        Since contact, in seconds.
+
+    Returns
+    -------
+    dict of str to float or ndarray
+        Actuator to change from the reference length, in metres.
+    """
+    wave = _AMPLITUDE * sin(2.0 * math.pi / _PERIOD * time)
+    return {"an": -wave, "po": wave, "do": -wave - _AMPLITUDE, "pl": wave + _AMPLITUDE}
+
+
+def lengths(time: Any, foot: FootGeometry) -> dict[str, Any]:
+    """Length of each actuator in the stance phase, in metres; see :func:`length_changes`."""
+    return {a: foot.scale * getattr(foot, f"l_{a}") + change for a, change in length_changes(time).items()}
+
+
+def joint_angle(foot: FootGeometry, actuator: str, length: float) -> float:
+    """Angle of an actuator's joint at which it has a given length.
+
+    Parameters
+    ----------
+    foot : FootGeometry
+        For its geometry; its posture does not matter.
+    actuator : {"an", "po", "do", "pl"}
+    length : float
+        In metres.
+
+    Returns
+    -------
+    float
+        In rad, on the side of the singular postures where the reference configuration is. For ``an`` and ``po`` the
+        angle of the ankle, for ``do`` and ``pl`` that of the metatarsal-phalangeal joint.
+
+    Raises
+    ------
+    UserError
+        If there is no such actuator, or the length cannot be reached.
+    """
+    if actuator not in ACTUATORS:
+        raise UserError(f"no actuator named {actuator!r}; there are {', '.join(ACTUATORS)}")
+    if not math.isfinite(length):
+        raise UserError(f"length {length:g} m of actuator {actuator!r} is not a finite number")
+    if actuator == "pl":
+        return (length / foot.scale - foot.l_pl) / foot.r_pl
+    reference, radius, angle, _ = getattr(foot, f"{actuator}_triangle")()
+    reference, radius = foot.scale * reference, foot.scale * radius
+    along, across = radius - reference * math.cos(angle), reference * math.sin(angle)
+    base = math.hypot(along, across)  # from the joint to the origin of the actuator
+    if not abs(base - radius) < length < base + radius:
+        raise UserError(
+            f"length {length:g} m of actuator {actuator!r} cannot be reached: its triangle closes between "
+            f"{abs(base - radius):.6g} m and {base + radius:.6g} m"
+        )
+    # law of cosines for the angle at the joint, against that of the reference configuration
+    turned = math.acos((base**2 + radius**2 - length**2) / (2.0 * base * radius)) - math.atan2(across, along)
+    return turned if actuator == "po" else -turned

@@ -1,0 +1,1 @@
+"""Reference results of both forms of the foot, from an independent solution."""

@@ -1,0 +1,1 @@
+"""The potentiostat-galvanostat that drives the actuator, with the voltage protection of thesis section 4.2."""

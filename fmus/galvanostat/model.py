@@ -1,0 +1,199 @@
+"""The potentiostat-galvanostat: limits, compliance, and the voltage protection of thesis section 4.2.
+
+Thesis table 2-2 gives the numbers of the instrument (Hokuto Denko HA-151), fig. 4-4 and its text the protection. The
+voltage is looked at only at sample instants, so that no algebraic loop runs through the current and the voltage of the
+actuator; between them the current follows the command at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..kit import Component, Discrete, Input, Output, Parameter, Preset, State, clip, floor, logical_or, maximum, where
+
+_TABLE = "thesis table 2-2 (HA-151)"
+# Response time below which the instrument counts as ideal, in seconds: no lag is integrated, however stiff.
+_SHORTEST_RESPONSE = 1e-6
+# Smallest share of the current that compliance leaves, so that it can grow again by a factor.
+_SMALLEST_SHARE = 1e-6
+# A recovery time this close to whole periods is that number of them; the quotient of two decimals is rounded.
+_SAME_COUNT = 1e-9
+
+
+class Galvanostat(Component):
+    """Potentiostat-galvanostat: current in, limited current out, with voltage protection (thesis sections 2.3, 4.2)."""
+
+    name = "galvanostat"
+    experiment = (60.0, 0.01)
+
+    current_limit = Parameter(1.3, "A", min=1e-9, max=1e6, source=_TABLE, doc="largest current in either direction")
+    compliance_voltage = Parameter(
+        15.0, "V", min=1e-6, max=1e6, source=_TABLE, doc="largest voltage against which the current is driven"
+    )
+    response_time = Parameter(
+        0.0, "s", min=0, max=1e3, nominal=5e-5, display="us",
+        doc="time constant of the current; below 1 us the instrument is ideal, without lag",
+    )  # fmt: skip
+    control_tolerance = Parameter(
+        0.0, "A", min=0, max=1e3, nominal=1e-3, display="mA",
+        doc="deviation of the setpoint from the current wanted, a dead band in either direction; 0 is exact",
+    )  # fmt: skip
+    recovery_time = Parameter(
+        0.5, "s", min=0, max=1e3, source="choice; thesis section 4.2 gives no number",
+        doc="time without current after the voltage was beyond its limit, in whole protection periods and at least one",
+    )  # fmt: skip
+    protection_period = Parameter(
+        0.01, "s", min=1e-4, max=1e3, doc="sample period at which protection and compliance look at the voltage"
+    )
+    potentiostat = Parameter(
+        False, "1", type="boolean", doc="whether the voltage is regulated to voltage_command; current_command is unused"
+    )
+    control_period = Parameter(0.01, "s", min=1e-4, max=1e3, doc="sample period of the potentiostat's control law")
+    proportional_gain = Parameter(0.0, "A/V", min=0, max=1e6, doc="proportional gain of the potentiostat")
+    integral_gain = Parameter(100.0, "A/V/s", min=0, max=1e9, nominal=100.0, doc="integral gain of the potentiostat")
+    voltage_tolerance = Parameter(
+        0.0, "V", min=0, max=1e3, nominal=1e-3, display="mV",
+        doc="voltage error up to which the potentiostat is content; 0 is exact",
+    )  # fmt: skip
+
+    current_command = Input("A", doc="current wanted from the galvanostat")
+    voltage = Input("V", doc="voltage across the actuator")
+    voltage_limit = Input("V", start=15.0, min=0, doc="magnitude of the voltage beyond which the protection acts")
+    voltage_command = Input("V", doc="voltage wanted from the potentiostat")
+
+    lagged_current = State("A", rate="lagged_current_rate", doc="current behind the response time")
+    recovery_samples = Discrete(
+        "1",
+        update="next_recovery_samples",
+        period="protection_period",
+        min=0,
+        doc="protection periods left without current",
+    )
+    sampled_voltage = Discrete(
+        "V", update="next_sampled_voltage", period="protection_period", doc="voltage at the latest sample"
+    )
+    compliance_share = Discrete(
+        "1", update="next_compliance_share", period="protection_period", start=1.0, min=0, max=1,
+        doc="share of the largest current that the compliance voltage allows",
+    )  # fmt: skip
+    control_current = Discrete(
+        "A", update="next_control_current", period="control_period", doc="current wanted by the potentiostat"
+    )
+    control_error = Discrete(
+        "V", update="next_control_error", period="control_period", doc="voltage error at the latest control sample"
+    )
+
+    # --- limits -----------------------------------------------------------------------------------------------------
+
+    def maximum_current(self) -> Any:
+        """Current at which the instrument clips (table 2-2)."""
+        return self.current_limit
+
+    def upper_current(self) -> Any:
+        """Largest current; less than the maximum if the voltage is positive and at the compliance."""
+        return self.maximum_current() * where(self.sampled_voltage > 0.0, self.compliance_share, 1.0)
+
+    def lower_current(self) -> Any:
+        """Smallest current; less in magnitude if the voltage is negative and at the compliance."""
+        return -(self.maximum_current() * where(self.sampled_voltage < 0.0, self.compliance_share, 1.0))
+
+    def next_compliance_share(self) -> Any:
+        """Scale the share by V_c / |v|, at most doubling it: into a resistance R the current settles at V_c / R."""
+        factor = self.compliance_voltage / maximum(abs(self.voltage), 0.5 * self.compliance_voltage)
+        return clip(self.compliance_share * factor, _SMALLEST_SHARE, 1.0)
+
+    def next_sampled_voltage(self) -> Any:
+        """Sample of the voltage, whose sign tells which direction of the current the compliance limits."""
+        return self.voltage
+
+    # --- protection -------------------------------------------------------------------------------------------------
+
+    def recovery_count(self) -> Any:
+        """Number of protection periods that make the recovery time: rounded up, and at least one."""
+        return maximum(-floor(_SAME_COUNT - self.recovery_time / self.protection_period), 1.0)
+
+    def next_recovery_samples(self) -> Any:
+        """Count down, then look at the voltage: beyond the limit, the (next) recovery begins (fig. 4-4)."""
+        begun = where(abs(self.voltage) > self.voltage_limit, self.recovery_count(), 0.0)
+        return where(self.recovery_samples > 1.5, self.recovery_samples - 1.0, begun)
+
+    def in_recovery(self) -> Any:
+        """Whether the protection holds the current at zero."""
+        return self.recovery_samples > 0.5
+
+    # --- potentiostat -----------------------------------------------------------------------------------------------
+
+    def voltage_error(self) -> Any:
+        """What the voltage lacks of its command, less what is within the tolerance."""
+        error = self.voltage_command - self.voltage
+        return error - clip(error, -self.voltage_tolerance, self.voltage_tolerance)
+
+    def next_control_error(self) -> Any:
+        """Sample of the voltage error."""
+        return self.voltage_error()
+
+    def next_control_current(self) -> Any:
+        """PI law in its velocity form, i + k_i T e + k_p (e - e_before), held at the limits and in recovery."""
+        error = self.voltage_error()
+        change = self.integral_gain * self.control_period * error + self.proportional_gain * (
+            error - self.control_error
+        )
+        following = clip(self.control_current + change, self.lower_current(), self.upper_current())
+        return where(self.potentiostat, where(self.in_recovery(), self.control_current, following), 0.0)
+
+    # --- current ----------------------------------------------------------------------------------------------------
+
+    def wanted_current(self) -> Any:
+        """Command of the galvanostat, or what the potentiostat makes of its own."""
+        return where(self.potentiostat, self.control_current, self.current_command)
+
+    def tolerated_current(self) -> Any:
+        """Wanted current less what is within the tolerance: a dead band, so that nothing jumps."""
+        wanted = self.wanted_current()
+        return wanted - clip(wanted, -self.control_tolerance, self.control_tolerance)
+
+    def setpoint(self) -> Any:
+        """Current within the limits; zero in recovery."""
+        limited = clip(self.tolerated_current(), self.lower_current(), self.upper_current())
+        return where(self.in_recovery(), 0.0, limited)
+
+    def lagged_current_rate(self) -> Any:
+        """First-order response to the setpoint, (i_set - i) / T; none if the instrument is ideal."""
+        response = maximum(self.response_time, _SHORTEST_RESPONSE)
+        return where(self.response_time < _SHORTEST_RESPONSE, 0.0, (self.setpoint() - self.lagged_current) / response)
+
+    def delivered_current(self) -> Any:
+        """Setpoint itself, or behind the response time."""
+        return where(self.response_time < _SHORTEST_RESPONSE, self.setpoint(), self.lagged_current)
+
+    def is_saturated(self) -> Any:
+        """Whether the current wanted is beyond its limits; that of the potentiostat, held there, is at them."""
+        wanted, upper, lower = self.wanted_current(), self.upper_current(), self.lower_current()
+        held = logical_or(wanted >= upper, wanted <= lower)
+        return where(self.potentiostat, held, logical_or(wanted > upper, wanted < lower))
+
+    # --- outputs ----------------------------------------------------------------------------------------------------
+
+    @Output("A")
+    def current(self) -> Any:
+        """Current into the actuator."""
+        return self.delivered_current()
+
+    @Output("1", type="boolean")
+    def saturated(self) -> Any:
+        """Whether the current wanted is beyond what the current limit and the compliance allow."""
+        return self.is_saturated()
+
+    @Output("1", type="boolean")
+    def recovering(self) -> Any:
+        """Whether the protection holds the current at zero; a controller freezes its integrator meanwhile."""
+        return self.in_recovery()
+
+    presets = {
+        "ha_151": Preset(
+            {"current_limit": 1.3, "compliance_voltage": 15.0, "response_time": 50e-6, "control_tolerance": 1e-3,
+             "voltage_tolerance": 3e-3},
+            doc="Hokuto Denko HA-151 with the response time and the tolerances of thesis table 2-2, where the printed "
+            "response, an upper bound, is taken as the time constant; a lag so short takes many internal steps",
+        ),
+    }  # fmt: skip

@@ -1,0 +1,1 @@
+"""Reference results of the galvanostat."""

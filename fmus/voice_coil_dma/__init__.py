@@ -1,0 +1,1 @@
+"""Voice-coil dynamic mechanical analyzer: the force bench of the rig."""

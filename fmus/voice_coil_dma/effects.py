@@ -1,0 +1,125 @@
+"""Known ways the bench model is wrong: dry friction, a force constant that is none, an amplifier that clips.
+
+Each is a mixin that overrides one law (never an output) through ``super()``. At its neutral parameter value the laws
+give the bits of the base model: what it adds is multiplied by zero, what it divides by is one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ..kit import Effect, Parameter, sqrt, tanh, where
+
+if TYPE_CHECKING:
+    from .model import VoiceCoilDma
+
+    class BenchEffect(Effect, VoiceCoilDma):
+        """What an effect can count on: the laws of the bench that it is laid over."""
+else:
+    BenchEffect = Effect
+
+# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the slope below 1e-12.
+_SMALL = 1e-6
+
+
+class CoulombFriction(BenchEffect):
+    """Dry friction of the slide, ``F_c tanh(v / v_c)``; a sign of the velocity that is smooth within ``v_c``.
+
+    Slower than ``v_c`` it is viscous: the slide creeps where a real one sticks. Relaxes assumption 1, that friction is
+    viscous; ``F_c = 0`` is the base model.
+    """
+
+    id = "coulomb_friction"
+    neutral = "coulomb_force"
+    assumption = 1
+
+    coulomb_force = Parameter(0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction of the slide (F_c)")
+    coulomb_velocity = Parameter(
+        1e-3, "m/s", min=1e-6, max=1.0, nominal=1e-3, doc="velocity within which dry friction changes its sign (v_c)"
+    )
+
+    def slide_friction(self) -> Any:
+        """Friction of the slide, F_c tanh(v / v_c) over the base model."""
+        return super().slide_friction() + self.coulomb_force * tanh(self.velocity / self.coulomb_velocity)
+
+
+class AsymmetricFriction(BenchEffect):
+    """Dry friction that differs in the two directions: ``F_a s (1 + s) / 2`` more, with ``s = tanh(v / v_a)``.
+
+    That is ``F_a`` more friction while the coil pulls the actuator longer and none more while it gives way, nothing
+    at rest, and never a gain of energy if ``F_a`` is positive. Relaxes assumption 1, that friction is viscous and the
+    same in both directions; ``F_a = 0`` is the base model.
+    """
+
+    id = "asymmetric_friction"
+    neutral = "asymmetric_force"
+    assumption = 1
+
+    asymmetric_force = Parameter(
+        0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction that stretching meets and return does not (F_a)"
+    )
+    asymmetric_velocity = Parameter(
+        1e-3, "m/s", min=1e-6, max=1.0, nominal=1e-3, doc="velocity within which this friction sets in (v_a)"
+    )
+
+    def slide_friction(self) -> Any:
+        """Friction of the slide, more of it in the direction of stretching."""
+        direction = tanh(self.velocity / self.asymmetric_velocity)
+        return super().slide_friction() + self.asymmetric_force * (0.5 * direction * (1.0 + direction))
+
+
+class PositionDependentForceConstant(BenchEffect):
+    """Force constant that falls off the centre of the stroke: ``K / (1 + c (x - x_c)^2)``.
+
+    Force and back-EMF fall together, as power demands. Relaxes assumption 2, that K does not depend on the position;
+    ``c = 0`` is the base model.
+    """
+
+    id = "position_dependent_force_constant"
+    neutral = "force_constant_falloff"
+    assumption = 2
+
+    force_constant_falloff = Parameter(
+        0.0, "1/m^2", min=0, max=1e8, nominal=1e4, doc="relative loss of force constant per square of distance (c)"
+    )
+    force_constant_centre = Parameter(
+        0.0, "m", min=-1.0, max=1.0, nominal=1e-3, display="mm", doc="position of the largest force constant (x_c)"
+    )
+
+    def force_constant(self) -> Any:
+        """Force constant, divided by 1 + c (x - x_c)^2."""
+        distance = self.position - self.force_constant_centre
+        return super().force_constant() / (1.0 + self.force_constant_falloff * (distance * distance))
+
+
+class AmplifierSaturation(BenchEffect):
+    """Amplifier that levels off below its rails: ``v = V_s tanh(u / V_s)``, written with ``c = 1 / V_s^2``.
+
+    The controller does not know of it; the limits of the base model it does. The voltage is multiplied by
+    ``tanh(z) / z``, ``z = sqrt(c) u``, which is 1 at ``c = 0``, the base model, and has a slope there. Relaxes
+    assumption 3, that the amplifier passes every voltage between its limits unchanged.
+    """
+
+    id = "amplifier_saturation"
+    neutral = "amplifier_saturation_coefficient"
+    assumption = 3
+
+    amplifier_saturation_coefficient = Parameter(
+        0.0, "1/V^2", min=0, max=1e4, nominal=0.01,
+        doc="inverse square of the voltage at which the amplifier levels off (c)",
+    )  # fmt: skip
+
+    def drive_voltage(self) -> Any:
+        """Voltage across the coil, levelling off at V_s."""
+        voltage = super().drive_voltage()
+        square = self.amplifier_saturation_coefficient * (voltage * voltage)
+        small = square < _SMALL
+        z = sqrt(where(small, 1.0, square))  # at zero the root has no slope
+        series = 1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0))
+        return voltage * where(small, series, tanh(z) / z)
+
+
+EFFECTS: dict[str, type[Effect]] = {
+    effect.id: effect
+    for effect in (CoulombFriction, AsymmetricFriction, PositionDependentForceConstant, AmplifierSaturation)
+}
