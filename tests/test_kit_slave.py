@@ -132,7 +132,7 @@ def test_variables_may_have_the_names_that_the_machinery_uses():
 
 def test_an_interrupt_ends_the_call_with_a_sentence_and_reaches_the_host():
     code = """
-import signal, time
+import _thread, signal, time
 from array import array
 from fmus.kit import Component, State
 from fmus.kit.slave import Slave
@@ -146,16 +146,18 @@ class Interrupted(Component):
         return 1.0
 
 instance = Slave(Interrupted, memoryview(array("d", [0.0, 0.0, 0.0, float("inf"), 0.0, 1e-8, 1.0])))
+real, _thread.start_new_thread = _thread.start_new_thread, lambda *arguments: None
+print("KeyboardInterrupt" in instance.advance(0.0, 1.0), flush=True)
+_thread.start_new_thread = real
 try:
-    sentence = instance.advance(0.0, 1.0)
-    print("told", "KeyboardInterrupt" in sentence, flush=True)
+    instance.advance(0.0, 1.0)  # the host may be interrupted at any instant from the end of this call
     for _ in range(1000):
         time.sleep(0.01)
 except KeyboardInterrupt:
     print("seen")
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=15)
-    assert done.stdout.split() == ["told", "True", "seen"]
+    assert done.stdout.split() == ["True", "seen"]
 
 
 def test_memory_is_released_on_close():
