@@ -204,8 +204,8 @@ def _python_package(cls: type[Component]) -> dict[str, bytes]:
     imports = ["from .kit import stack", "from .kit.slave import Slave"]
     # classes of different modules may share a name
     parts = {used: f"Part{n}" for n, used in enumerate(places)}
-    imports += [f"from .{place} import {used.__name__} as {parts[used]}" for used, place in places.items()]
-    stacked = ", ".join(parts[c] for c in (base, *effects))
+    imports += [f"from .{place} import {name} as {parts[used]}" for used, (place, name) in places.items()]
+    stacked = ", ".join(_part(c, parts) for c in (base, *effects))
     model = f"stack({stacked}, name={cls.name!r})" if effects else parts[base]
     entry = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(sorted(imports))
     entry += f"\n\nMODEL = {model}\n\n\ndef create(memory):\n    return Slave(MODEL, memory)\n"
@@ -213,3 +213,12 @@ def _python_package(cls: type[Component]) -> dict[str, bytes]:
     needs = "Python 3.11 or newer (shared library or host process); no packages beyond the standard library.\n"
     packed = {f"resources/python/{name}": contents for name, contents in files.items()}
     return packed | {"documentation/externalDependencies.txt": needs.encode()}
+
+
+def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
+    """Text of a class in the FMU's package; one that is made for an output is made for it again."""
+    if "made_by" not in vars(cls):
+        return parts[cls]
+    output = vars(cls)["output"]
+    owner = next(name for part, name in parts.items() if output in (o.name for o in part.layout.outputs))
+    return f"{parts[cls]}({owner}, {output!r})"

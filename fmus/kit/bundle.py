@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import ast
 import importlib.util
-import inspect
 import re
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from .component import Component
 from .errors import UserError
 
 # Light modules of the kit: they need nothing beyond the standard library.
-RUNTIME_MODULES = ("__init__", "component", "declare", "errors", "functions", "integrate", "slave")
+RUNTIME_MODULES = ("__init__", "component", "declare", "errors", "functions", "integrate", "sensors", "slave")
 _KIT = __package__
 _OURS = _KIT.partition(".")[0]
 _FILES, _PACKAGES = "models", "packages"  # folders of modules that are not ours: single files, and parts of packages
@@ -167,7 +168,7 @@ def _imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
             yield from _imports(node)
 
 
-def bundle(classes: Iterable[type]) -> tuple[dict[str, bytes], dict[type, str]]:
+def bundle(classes: Iterable[type[Component]]) -> tuple[dict[str, bytes], dict[type[Component], tuple[str, str]]]:
     """Collect the modules of some classes.
 
     Parameters
@@ -179,8 +180,9 @@ def bundle(classes: Iterable[type]) -> tuple[dict[str, bytes], dict[type, str]]:
     -------
     files : dict of str to bytes
         Path below the root of the package to contents; the kit's own modules are not among them.
-    places : dict of type to str
-        Dotted name, below that root, of the module to import each class from.
+    places : dict of type to tuple of str
+        For each class the dotted name, below that root, of the module to import from, and what to import: the class,
+        or the function that makes it.
 
     Raises
     ------
@@ -189,7 +191,10 @@ def bundle(classes: Iterable[type]) -> tuple[dict[str, bytes], dict[type, str]]:
     """
     collected, places = Bundle(), {}
     for cls in classes:
-        if cls.__qualname__ != cls.__name__ or getattr(inspect.getmodule(cls), cls.__name__, None) is not cls:
+        found: Any = vars(cls).get("made_by", cls)
+        module, name = found.__module__, found.__name__
+        if found.__qualname__ != name or getattr(sys.modules.get(module), name, None) is not found:
             raise UserError(f"{cls.__qualname__} is not defined at the top of a module: a Python FMU cannot import it")
-        places[cls] = collected.add(cls.__module__)
+        of_kit = module.startswith(f"{_KIT}.")  # it is there already
+        places[cls] = _place_in_package(module) if of_kit else collected.add(module), name
     return collected.files, places

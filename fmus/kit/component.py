@@ -93,12 +93,15 @@ class Component:
 class Effect(Component):
     """A known way a component is wrong: a mixin that overrides one law through ``super()``.
 
-    An effect of the physics overrides laws; an output is for effects of its measurement, which no law sees.
+    An effect of the physics overrides laws; an output is for effects of its measurement, which no law sees
+    (:mod:`fmus.kit.sensors`).
 
     Attributes
     ----------
     id : str
         Name in the effect catalogue.
+    output : str
+        The output whose measurement it concerns; empty for effects of the physics.
     neutral : str
         The parameter that switches it: at the default value the component is exactly the one below.
     assumption : int or str
@@ -106,8 +109,13 @@ class Effect(Component):
     """
 
     id: ClassVar[str] = ""
+    output: ClassVar[str] = ""
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
+
+
+def _label(effect: type[Effect]) -> str:
+    return f"{effect.id}_of_{effect.output}" if effect.output else effect.id
 
 
 def _owners(cls: type[Component]) -> dict[str, type]:
@@ -125,7 +133,7 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
     *effects : type[Effect]
         Effects, innermost first.
     name : str, optional
-        FMU name of the result; default joins the ids.
+        FMU name of the result; default joins the ids, with the output that an effect is of.
 
     Returns
     -------
@@ -134,13 +142,14 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
     Raises
     ------
     UserError
-        If two effects have the same id, or two classes declare a variable of the same name.
+        If two effects have the same id and output, two classes declare a variable of the same name, or there is no
+        such output.
     """
     prefix = base.name
-    name = name or "_with_".join([prefix, *(e.id for e in effects)])
+    name = name or "_with_".join([prefix, *map(_label, effects)])
     base, earlier = vars(base).get("stacked", (base, ()))
     effects = (*earlier, *effects)
-    ids = [e.id for e in effects]
+    ids = [_label(e) for e in effects]
     repeated = [i for i in ids if ids.count(i) > 1]
     if repeated:
         raise UserError(f"{prefix}: effect {repeated[0]!r} is laid over it twice")
@@ -150,6 +159,10 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
             other = owners.setdefault(variable, owner)
             if other is not owner:
                 raise UserError(f"{prefix}: {other.__name__} and {owner.__name__} both declare variable {variable!r}")
+    outputs = {o.name for part in (base, *effects) for o in part.layout.outputs}
+    for effect in effects:
+        if effect.output and effect.output not in outputs:
+            raise UserError(f"{prefix}: {effect.id} is of {effect.output!r}, which is none of its outputs")
     title = "".join(e.__name__ for e in reversed(effects)) + base.__name__
     return type(
         title,

@@ -63,7 +63,7 @@ hypot = _binary("hypot", math.hypot, "Square root of the sum of the squares, wit
 tanh = _unary("tanh", math.tanh, "Hyperbolic tangent.")
 absolute = _unary("absolute", math.fabs, "Magnitude.")
 floor = _unary("floor", lambda x: float(math.floor(x)), "Largest integer not above x.")
-sign = _unary("sign", lambda x: float((x > 0) - (x < 0)) if x == x else math.nan, "-1, 0 or 1.")
+sign = _unary("sign", lambda x: float(x > 0) - float(x < 0) if x == x else math.nan, "-1, 0 or 1.")
 logical_and = _binary("logical_and", lambda a, b: bool(a and b), "Whether both hold; ``and`` for conditions in laws.")
 logical_or = _binary("logical_or", lambda a, b: bool(a or b), "Whether one holds; ``or`` for conditions in laws.")
 logical_not = _unary("logical_not", lambda x: not x, "Whether it does not hold; ``not`` for conditions in laws.")

@@ -46,21 +46,37 @@ class Actuator(Component):
 
     # --- electrical -------------------------------------------------------------------------------------------------
 
+    def supply_current(self) -> Any:
+        """Current that reaches the circuit of fig. 3-1: all of it."""
+        return self.current
+
+    def capacitance(self) -> Any:
+        """Bulk capacitance of the films, C (fig. 3-1)."""
+        return self.C
+
+    def film_voltage(self) -> Any:
+        """Voltage of the charged films, Q / C (fig. 3-1)."""
+        return self.charge / self.capacitance()
+
     def capacitor_voltage(self) -> Any:
-        """Voltage across the film capacitance, Q / C (fig. 3-1)."""
-        return self.charge / self.C
+        """Voltage behind the resistance that answers at once: that of the films (fig. 3-1)."""
+        return self.film_voltage()
 
     def series_resistance(self) -> Any:
         """Resistance in series with the films, R1 (fig. 3-1)."""
         return self.R1
 
+    def immediate_resistance(self) -> Any:
+        """Part of the series resistance whose voltage follows the current at once: all of it."""
+        return self.series_resistance()
+
     def capacitor_current(self) -> Any:
         """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
-        return (self.R2 * self.current - self.capacitor_voltage()) / (self.series_resistance() + self.R2)
+        return (self.R2 * self.supply_current() - self.capacitor_voltage()) / (self.immediate_resistance() + self.R2)
 
     def terminal_voltage(self) -> Any:
         """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
-        return self.series_resistance() * self.capacitor_current() + self.capacitor_voltage()
+        return self.immediate_resistance() * self.capacitor_current() + self.capacitor_voltage()
 
     # --- coupling ---------------------------------------------------------------------------------------------------
 
@@ -73,13 +89,21 @@ class Actuator(Component):
     # Force through every element of the series chain, tension positive: given by the causality.
     load: Callable[[], Any]
 
+    def kelvin_force(self) -> Any:
+        """Force of the Kelvin spring, k2 x_b2 (fig. 3-1)."""
+        return self.k2 * self.kelvin_elongation
+
     def kelvin_rate(self) -> Any:
         """Creep rate of the Kelvin element, second row of eq. 3.5; its time constant is b2 / k2 (eq. 3.1)."""
-        return (self.load() - self.k2 * self.kelvin_elongation) / self.b2
+        return (self.load() - self.kelvin_force()) / self.b2
+
+    def flow_force(self) -> Any:
+        """Force under which the Maxwell dashpot flows: all of the load (fig. 3-1)."""
+        return self.load()
 
     def maxwell_rate(self) -> Any:
         """Flow rate of the Maxwell dashpot, third row of eq. 3.5; its slope under constant load gives b1 (eq. 3.3)."""
-        return self.load() / self.b1
+        return self.flow_force() / self.b1
 
     def creep(self) -> Any:
         """Elongation of everything but the instantaneous spring, x_b1 + x_b2 (eq. 3.5)."""

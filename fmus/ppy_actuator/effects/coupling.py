@@ -1,23 +1,11 @@
-"""Known ways the actuator model is wrong, each relaxing one assumption of thesis section 3.1.
-
-Every effect is a mixin that overrides one law (never an output) through ``super()``, so that it serves the
-force-driven and the length-driven actuator, and stacks with the others. At its neutral parameter value the laws give
-the bits of the base model whatever the effect's own state holds: what it adds is multiplied by zero.
-"""
+"""Effects of the coupling between charge and mechanics, in both directions."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ..kit import Effect, Parameter, State, sqrt, tanh, where
-
-if TYPE_CHECKING:
-    from .model import Actuator
-
-    class ActuatorEffect(Effect, Actuator):
-        """What an effect can count on: the laws of the actuator that it is laid over."""
-else:
-    ActuatorEffect = Effect
+from ...kit import Parameter, State, exp, sqrt, tanh, where
+from .base import ActuatorEffect
 
 # Time constant below which a lag is not resolved, in seconds. A lag of zero time would be infinitely stiff.
 _SHORTEST_LAG = 0.05
@@ -25,63 +13,23 @@ _SHORTEST_LAG = 0.05
 _SMALL = 1e-6
 
 
-class DoubleLayer(ActuatorEffect):
-    """Double layer at the interface of electrolyte and polymer: a fast RC branch in series with R1 and C.
+class ForceToVoltage(ActuatorEffect):
+    """Load that changes the voltage of the films: ``V_C = Q/C + s F``.
 
-    ``V_C = Q/C + R_dl i_f`` and ``tau_dl di_f/dt = dQ/dt - i_f``, where ``i_f`` is the part of the charging current
-    that crosses the interface through ``R_dl`` and the rest charges ``C_dl = tau_dl / R_dl``. Relaxes assumption 4,
-    that the double layer charges too fast to be seen (section 3.1.1); ``R_dl = 0`` is the base model.
+    Relaxes assumption 5, that the coupling is unidirectional (section 3.1.3, fig. 3-3); ``s = 0`` is the base model.
     """
 
-    id = "double_layer"
-    neutral = "double_layer_resistance"
-    assumption = 4
+    id = "force_to_voltage"
+    neutral = "voltage_per_force"
+    assumption = 5
 
-    double_layer_resistance = Parameter(
-        0.0, "ohm", min=0, max=1e6, doc="charge-transfer resistance across the double layer; 0 is without"
+    voltage_per_force = Parameter(
+        0.0, "V/N", min=-10.0, max=10.0, nominal=0.01, display="mV/N", doc="voltage of the films per tensile load (s)"
     )
-    double_layer_time = Parameter(
-        0.2, "s", min=1e-3, max=1e6, doc="time constant of the double layer, its resistance times its capacitance"
-    )
-    faradaic_current = State("A", rate="faradaic_current_rate", doc="current that crosses the double layer")
-
-    def faradaic_current_rate(self) -> Any:
-        """Rate of the current across the double layer, (dQ/dt - i_f) / tau_dl."""
-        return (self.capacitor_current() - self.faradaic_current) / self.double_layer_time
 
     def capacitor_voltage(self) -> Any:
-        """Voltage behind R1: the film capacitance and the double layer in series."""
-        return super().capacitor_voltage() + self.double_layer_resistance * self.faradaic_current
-
-
-class ResistanceGrowth(ActuatorEffect):
-    """Ageing: the series resistance grows with the charge moved into and out of the films.
-
-    ``R = R1 (1 + gamma q)`` with ``dq/dt = |dQ/dt|``. Relaxes assumption 6, that the parameters do not change with
-    use; ``gamma = 0`` is the base model.
-    """
-
-    id = "resistance_growth"
-    neutral = "resistance_growth_rate"
-    assumption = 6
-
-    resistance_growth_rate = Parameter(
-        0.0,
-        "1/C",
-        min=0,
-        max=1e3,
-        nominal=1e-3,
-        doc="relative growth of the series resistance per charge moved (gamma)",
-    )
-    throughput = State("C", rate="throughput_rate", min=0, doc="charge moved into and out of the films so far")
-
-    def throughput_rate(self) -> Any:
-        """Rate of the charge throughput, |dQ/dt|."""
-        return abs(self.capacitor_current())
-
-    def series_resistance(self) -> Any:
-        """Grown series resistance, R1 (1 + gamma q) over the base model."""
-        return super().series_resistance() * (1.0 + self.resistance_growth_rate * self.throughput)
+        """Voltage behind R1, s F more."""
+        return super().capacitor_voltage() + self.voltage_per_force * self.load()
 
 
 class QuadraticStrain(ActuatorEffect):
@@ -156,6 +104,65 @@ class StrainLag(ActuatorEffect):
         return super().charge_elongation(charge - share * self.pending_charge)
 
 
-EFFECTS: dict[str, type[Effect]] = {
-    effect.id: effect for effect in (DoubleLayer, ResistanceGrowth, QuadraticStrain, StrainSaturation, StrainLag)
-}
+class StrainHysteresis(ActuatorEffect):
+    """Rate-independent hysteresis of the elongation over the charge, after Duhem and Dahl.
+
+    A charge ``z`` trails behind, ``dz/dt = dQ/dt - |dQ/dt| z / w``, and is held within ``-w`` and ``w`` whatever the
+    speed; the elongation of the layers below is that of ``Q - h z``. A large loop is ``2 h w`` wide; after a reversal
+    the elongation starts with the share ``1 - 2 h`` of its slope. Starting at zero, ``z`` means a start in the middle
+    of the loop. Relaxes assumption 5, that elongation is one function of charge (the loops of figs. 3-11 and 3-12);
+    ``h = 0`` is the base model.
+    """
+
+    id = "strain_hysteresis"
+    neutral = "hysteresis_share"
+    assumption = 5
+
+    hysteresis_share = Parameter(
+        0.0, "1", min=0, max=0.5, nominal=0.1, doc="share of the trailing charge that has no elongation (h)"
+    )
+    hysteresis_width = Parameter(
+        0.5, "C", min=1e-6, max=1e6, doc="charge that trails behind, at most (w)",
+        source="estimate, about half of the charge moved in fig. 3-11",
+    )  # fmt: skip
+    trailing_charge = State("C", rate="trailing_charge_rate", doc="charge trailing behind in the hysteresis")
+
+    def trailing_charge_rate(self) -> Any:
+        """Rate of the trailing charge, dQ/dt - |dQ/dt| z / w."""
+        current = self.capacitor_current()
+        return current - abs(current) * self.trailing_charge / self.hysteresis_width
+
+    def charge_elongation(self, charge: Any) -> Any:
+        """Elongation due to charge, alpha (Q - h z) over the base model."""
+        return super().charge_elongation(charge - self.hysteresis_share * self.trailing_charge)
+
+
+class ChargeDependentStiffness(ActuatorEffect):
+    """Springs that soften as the films are charged: both compliances, ``1/k1`` and ``1/k2``, times ``exp(s Q)``.
+
+    Relaxes assumption 1, that charge and creep do not influence each other; ``s = 0`` is the base model.
+    """
+
+    id = "charge_dependent_stiffness"
+    neutral = "softening_per_charge"
+    assumption = 1
+
+    softening_per_charge = Parameter(
+        0.0, "1/C", min=-10.0, max=10.0, nominal=0.05, doc="relative rise of the compliance per charge (s)"
+    )
+
+    def softening(self) -> Any:
+        """Compliance relative to that of the uncharged films, exp(s Q)."""
+        return exp(self.softening_per_charge * self.charge)
+
+    def spring_elongation(self, load: Any) -> Any:
+        """Instantaneous elongation of the softened spring."""
+        return super().spring_elongation(load) * self.softening()
+
+    def spring_force(self, elongation: Any) -> Any:
+        """Force of the softened spring, the inverse."""
+        return super().spring_force(elongation / self.softening())
+
+    def kelvin_force(self) -> Any:
+        """Force of the softened Kelvin spring."""
+        return super().kelvin_force() / self.softening()

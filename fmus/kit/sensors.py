@@ -1,0 +1,216 @@
+"""Effects of a measurement: what is shown of an output, not what happens.
+
+Each function here makes an effect for one real output of a component, to be laid over it by :func:`.stack`::
+
+    stack(PpyActuator, sensor_lag(PpyActuator, "voltage"), sensor_gain(PpyActuator, "displacement"))
+
+Its ``id`` is the name of the function, its ``output`` the one it was made for, and its parameters are named after that.
+It overrides the output, which no law sees, so the physics stays as it is to the bit; at the neutral value the output
+does, too. Effects of one output are laid one over the other, the first one next to the physics.
+``docs/decisions/0007-measurement-effects.md`` says why they are made this way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from typing import Any
+
+from .component import Component, Effect
+from .declare import Discrete, Parameter, State
+from .errors import UserError, suggestion
+from .functions import clip, exp, maximum, minimum, where
+
+Law = Callable[[Any], Any]
+Factory = Callable[[type[Component], str], type[Effect]]
+
+# Lags shorter than this, in seconds, are only half resolved. A lag of zero time would be infinitely stiff.
+SHORTEST_LAG = 0.01
+# The delay's memory: what it reaches back is their product, what it rounds off is the curvature within one period.
+DELAY_PERIOD, DELAY_SAMPLES = 0.02, 64
+_ONCE = 1e9  # a sample period, in seconds, that leaves one sample in any simulation: the one at the start
+_ANY = 1e9  # bound of parameters that may have any value
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """The output that an effect is made for, and what is shown of it below the effect."""
+
+    name: str
+    unit: str
+    nominal: float
+    display: str | None
+    below: Law
+
+    def about(self, per: str = "", scale: float = 1.0) -> dict[str, Any]:
+        """Unit, nominal value and display unit of something that is measured like the output."""
+        display = self.display + per if self.display else None
+        return {"unit": self.unit + per, "nominal": self.nominal * scale, "display": display}
+
+
+def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
+    """Make a factory of effects from a function that returns the class body for one output."""
+
+    @wraps(body)
+    def make(component: type[Component], output: str) -> type[Effect]:
+        declared = {o.name: o for o in component.layout.outputs if o.type == "real"}
+        if output not in declared:
+            named = component.name or component.__name__
+            raise UserError(f"{named}: no measured output named {output!r}{suggestion(output, declared)}")
+        of = declared[output]
+
+        def below(self: Any) -> Any:
+            return getattr(super(effect, self), output)()
+
+        about = {"id": body.__name__, "output": output, "made_by": make, "__doc__": body.__doc__}
+        members = body(_Quantity(output, of.unit, of.nominal, of.display, below)) | about
+        title = f"{body.__name__}_of_{output}".title().replace("_", "")
+        effect: type[Effect] = type(title, (Effect,), members | {"__module__": __name__})
+        return effect
+
+    return make
+
+
+@_measurement
+def sensor_lag(of: _Quantity) -> dict[str, Any]:
+    """First-order lag of a sensor, in equilibrium at the start.
+
+    Shown is ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))`` and ``m`` = 10 ms: the first-order lag of
+    time ``T`` where that is several times ``m``, nothing at ``T = 0``, and late by ``T`` on a ramp everywhere. The
+    state is the change of ``w`` since the start, when ``w = u``.
+    """
+    lag, change, reference, started = (
+        f"{of.name}_lag_{part}" for part in ("time", "change", "reference", "started")
+    )  # fmt: skip
+
+    def rate(self: Any) -> Any:
+        value, time = of.below(self), getattr(self, lag)
+        # until the first sample, which is taken when the first step begins, the start is now
+        at_start = where(getattr(self, started), getattr(self, reference), value)
+        return (value - at_start - getattr(self, change)) / (time + SHORTEST_LAG * exp(-time / SHORTEST_LAG))
+
+    def measured(self: Any) -> Any:
+        return of.below(self) - getattr(self, lag) * rate(self)
+
+    return {
+        "neutral": lag,
+        "assumption": "the sensor follows at once",
+        lag: Parameter(0.0, "s", min=0, max=1e6, doc=f"time constant of the sensor of {of.name}; 0 is without"),
+        change: State(rate=f"{change}_rate", doc=f"change of the lagged {of.name} since the start", **of.about()),
+        reference: Discrete(
+            update=f"{reference}_update", period=_ONCE, doc=f"{of.name} at the start", **of.about()
+        ),
+        started: Discrete(
+            "1", update=f"{started}_update", period=_ONCE, type="boolean", doc=f"whether {reference} is known"
+        ),
+        of.name: measured,
+        f"{change}_rate": rate,
+        f"{reference}_update": of.below,
+        f"{started}_update": lambda self: 1.0,
+    }  # fmt: skip
+
+
+@_measurement
+def transport_delay(of: _Quantity) -> dict[str, Any]:
+    """Pure delay of up to 1.28 s.
+
+    The output is sampled every 20 ms into a shift register; shown is what a straight line between neighbouring samples
+    says of the time that lies the delay ago, the present value being the newest point. That is exact for a ramp, for a
+    smooth signal it errs by at most an eighth of the period squared times the second derivative, and a jump becomes a
+    slope over one period. Before the start the output had the value that it has at the start.
+    """
+    delay = f"{of.name}_delay"
+    latest, instant, started = (f"{delay}_{part}" for part in ("sample", "instant", "started"))
+    changes = [f"{delay}_change_{k}" for k in range(1, DELAY_SAMPLES + 1)]
+
+    def change_to(self: Any, value: Any) -> Any:
+        """Change from the latest sample; none before there is one."""
+        return value - where(getattr(self, started), getattr(self, latest), value)
+
+    def measured(self: Any) -> Any:
+        value, back = of.below(self), getattr(self, delay)
+        age = maximum(self.time - getattr(self, instant), 1e-9 * DELAY_PERIOD)
+        undone = minimum(back / age, 1.0) * change_to(self, value)
+        periods = (back - age) / DELAY_PERIOD
+        for k, change in enumerate(changes):
+            undone = undone + clip(periods - k, 0.0, 1.0) * getattr(self, change)
+        return value - undone
+
+    def sampled(about: str, **kind: Any) -> Any:
+        return Discrete(period=DELAY_PERIOD, doc=about, **kind)
+
+    def value_of(name: str) -> Law:
+        return lambda self: getattr(self, name)
+
+    members = {
+        "neutral": delay,
+        "assumption": "the measurement arrives at once",
+        delay: Parameter(
+            0.0, "s", min=0, max=DELAY_PERIOD * DELAY_SAMPLES, nominal=0.1, doc=f"delay of {of.name}; 0 is without"
+        ),
+        latest: sampled(f"{of.name} at the latest sample", update=f"{latest}_update", **of.about()),
+        instant: sampled(f"time of the latest sample of {of.name}", unit="s", update=f"{instant}_update"),
+        started: sampled(f"whether {latest} is known", unit="1", type="boolean", update=f"{started}_update"),
+        of.name: measured,
+        f"{latest}_update": of.below,
+        f"{instant}_update": lambda self: self.time,
+        f"{started}_update": lambda self: 1.0,
+    }
+    register = [lambda self: change_to(self, of.below(self)), *map(value_of, changes[:-1])]
+    for change, before in zip(changes, register, strict=True):
+        members[change] = sampled(f"change of {of.name} between two samples", update=f"{change}_update", **of.about())
+        members[f"{change}_update"] = before
+    return members
+
+
+@_measurement
+def sensor_gain(of: _Quantity) -> dict[str, Any]:
+    """Scale error of a sensor: shown is ``g u``; ``g = 1`` is without."""
+    gain = f"{of.name}_gain"
+    return {
+        "neutral": gain,
+        "assumption": "the sensor is calibrated",
+        gain: Parameter(1.0, "1", min=-_ANY, max=_ANY, doc=f"scale of the measured {of.name}; 1 is without error"),
+        of.name: lambda self: getattr(self, gain) * of.below(self),
+    }
+
+
+@_measurement
+def sensor_offset(of: _Quantity) -> dict[str, Any]:
+    """Bias of a sensor: shown is ``u + b``; ``b = 0`` is without."""
+    offset = f"{of.name}_offset"
+    return {
+        "neutral": offset,
+        "assumption": "the sensor has its zero at zero",
+        offset: Parameter(0.0, min=-_ANY, max=_ANY, doc=f"bias of the measured {of.name}", **of.about()),
+        of.name: lambda self: of.below(self) + getattr(self, offset),
+    }
+
+
+@_measurement
+def sensor_drift(of: _Quantity) -> dict[str, Any]:
+    """Bias of a sensor that grows steadily: shown is ``u + d t``, ``t`` being the time since the start."""
+    drift = f"{of.name}_drift"
+    since = f"{drift}_time"
+    return {
+        "neutral": drift,
+        "assumption": "the zero of the sensor stays",
+        drift: Parameter(
+            0.0, min=-_ANY, max=_ANY, doc=f"rate at which the bias of {of.name} grows", **of.about("/s", 1e-3)
+        ),
+        since: State("s", rate=f"{since}_rate", nominal=1e3, doc=f"time since the start, for the drift of {of.name}"),
+        of.name: lambda self: of.below(self) + getattr(self, drift) * getattr(self, since),
+        f"{since}_rate": lambda self: 1.0,
+    }
+
+
+MEASUREMENTS: dict[str, Factory] = {
+    make.__name__: make for make in (sensor_lag, transport_delay, sensor_gain, sensor_offset, sensor_drift)
+}
+
+
+def measurement_effects(component: type[Component]) -> list[type[Effect]]:
+    """Every effect of the measurement that a component can have: each of `MEASUREMENTS` on each real output."""
+    outputs = [o.name for o in component.layout.outputs if o.type == "real"]
+    return [make(component, output) for output in outputs for make in MEASUREMENTS.values()]

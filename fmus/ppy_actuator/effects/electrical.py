@@ -1,0 +1,157 @@
+"""Effects of the circuit: what the films, their surface and the paths to and past them do beyond R1, R2 and C."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+from ...kit import Parameter, State, exp, maximum, sign, sqrt, where
+from .base import ActuatorEffect
+
+# Sections that stand for a diffusion; what is left to the immediate resistance is 4 % of the diffusion's.
+_SECTIONS = (1, 2, 3, 4, 5)
+# |z| below which (exp(z) - 1)/z is taken from its series; what is left out is below rounding.
+_SMALL = 1e-3
+
+
+class DoubleLayer(ActuatorEffect):
+    """Double layer at the interface of electrolyte and polymer: a fast RC branch in series with R1 and C.
+
+    ``V_C = Q/C + R_dl i_f`` and ``tau_dl di_f/dt = dQ/dt - i_f``, where ``i_f`` is the part of the charging current
+    that crosses the interface through ``R_dl`` and the rest charges ``C_dl = tau_dl / R_dl``. Relaxes assumption 4,
+    that the double layer charges too fast to be seen (section 3.1.1); ``R_dl = 0`` is the base model.
+    """
+
+    id = "double_layer"
+    neutral = "double_layer_resistance"
+    assumption = 4
+
+    double_layer_resistance = Parameter(
+        0.0, "ohm", min=0, max=1e6, doc="charge-transfer resistance across the double layer; 0 is without"
+    )
+    double_layer_time = Parameter(
+        0.2, "s", min=1e-3, max=1e6, doc="time constant of the double layer, its resistance times its capacitance"
+    )
+    faradaic_current = State("A", rate="faradaic_current_rate", doc="current that crosses the double layer")
+
+    def faradaic_current_rate(self) -> Any:
+        """Rate of the current across the double layer, (dQ/dt - i_f) / tau_dl."""
+        return (self.capacitor_current() - self.faradaic_current) / self.double_layer_time
+
+    def capacitor_voltage(self) -> Any:
+        """Voltage behind R1: the film capacitance and the double layer in series."""
+        return super().capacitor_voltage() + self.double_layer_resistance * self.faradaic_current
+
+
+def _diffusion_current(section: int) -> Any:
+    """Declare the current through one section."""
+    about = f"current through section {section} of the diffusion"
+    return State("A", rate=f"diffusion_rate_{section}", doc=about)
+
+
+def _diffusion_rate(section: int) -> Any:
+    """Write the law of one section, its lag with a time constant of T / ((k - 1/2)^2 pi^2)."""
+
+    def rate(self: Any) -> Any:
+        lag = self.diffusion_time / ((section - 0.5) * pi) ** 2
+        return (self.capacitor_current() - getattr(self, f"diffusion_current_{section}")) / lag
+
+    return rate
+
+
+class Diffusion(ActuatorEffect):
+    """Finite-length diffusion: a share ``d`` of the series resistance builds up as ions diffuse to the films.
+
+    The thesis counts ion diffusion in R1 (section 3.1.1). Here ``d R1`` becomes the impedance of a layer of diffusion
+    time ``T`` (thickness squared over diffusivity), ``d R1 tanh(sqrt(s T)) / sqrt(s T)``; resistance at rest, total
+    capacitance and DC gain are those of the base model. Five RC sections in series stand for it, the first partial
+    fractions of tanh: ``tanh(z)/z = sum_k 2 / (z^2 + (k - 1/2)^2 pi^2)``; the 4 % of ``d R1`` that belong to the faster
+    ones answer at once. Relaxes assumption 8, that the circuit is one R1 and one C; ``d = 0`` is the base model.
+    """
+
+    id = "diffusion"
+    neutral = "diffusion_share"
+    assumption = 8
+
+    diffusion_share = Parameter(
+        0.0, "1", min=0, max=1, nominal=0.1, doc="share of the series resistance that is due to diffusion (d)"
+    )
+    diffusion_time = Parameter(
+        10.0, "s", min=0.1, max=1e6, nominal=10.0, doc="square of the diffusion length over the diffusivity (T)",
+        source="estimate, 10 um at 1e-11 m^2/s",
+    )  # fmt: skip
+    diffusion_current_1, diffusion_current_2, diffusion_current_3, diffusion_current_4, diffusion_current_5 = map(
+        _diffusion_current, _SECTIONS
+    )
+    diffusion_rate_1, diffusion_rate_2, diffusion_rate_3, diffusion_rate_4, diffusion_rate_5 = map(
+        _diffusion_rate, _SECTIONS
+    )
+
+    def immediate_resistance(self) -> Any:
+        """Series resistance less that of the sections."""
+        resolved = sum(2.0 / ((k - 0.5) * pi) ** 2 for k in _SECTIONS)
+        return super().immediate_resistance() * (1.0 - self.diffusion_share * resolved)
+
+    def capacitor_voltage(self) -> Any:
+        """Voltage of the films and across the sections, d R1 times 2 / ((k - 1/2)^2 pi^2) times the current of each."""
+        weighted = sum(2.0 / ((k - 0.5) * pi) ** 2 * getattr(self, f"diffusion_current_{k}") for k in _SECTIONS)
+        return super().capacitor_voltage() + self.diffusion_share * (self.series_resistance() * weighted)
+
+
+class NonlinearLeakage(ActuatorEffect):
+    """Leakage that grows above an onset voltage: a second path past the films that draws ``g (|V| - V_on)^2``.
+
+    The terminal voltage then obeys a quadratic equation, solved here in closed form, and the current left for the
+    circuit of fig. 3-1 is ``i - sign(V) g (|V| - V_on)^2``. Relaxes assumption 8, that leakage is the resistance R2;
+    ``g = 0`` is the base model. It is seen only in a record whose voltage passes the onset.
+    """
+
+    id = "nonlinear_leakage"
+    neutral = "leakage_growth"
+    assumption = 8
+
+    leakage_growth = Parameter(
+        0.0,
+        "A/V^2",
+        min=0,
+        max=1e6,
+        nominal=0.1,
+        doc="additional leakage per square of the voltage above the onset (g)",
+    )
+    leakage_onset = Parameter(
+        0.6, "V", min=0, max=1e3, doc="voltage above which leakage grows (V_on)",
+        source="estimate; overoxidation of polypyrrole sets in about there",
+    )  # fmt: skip
+
+    def supply_current(self) -> Any:
+        """Current that reaches the circuit, less the additional leakage."""
+        current, resistance = super().supply_current(), self.immediate_resistance()
+        share = self.R2 / (resistance + self.R2)
+        without = share * (resistance * current + self.capacitor_voltage())  # terminal voltage at g = 0
+        above = maximum(abs(without) - self.leakage_onset, 0.0)
+        slope = self.leakage_growth * (share * resistance)
+        above = 2.0 * above / (1.0 + sqrt(1.0 + 4.0 * slope * above))  # |V| - V_on, smaller for the leakage itself
+        return current - sign(without) * (self.leakage_growth * (above * above))
+
+
+class ChargeDependentCapacitance(ActuatorEffect):
+    """Capacitance that changes with the charge: ``dQ/dV = C exp(-a Q)``.
+
+    The voltage of the films is multiplied by ``(exp(z) - 1) / z``, ``z = a Q``; it rises with the charge whatever the
+    sign of ``a``. Relaxes assumption 8, that C is constant; ``a = 0`` is the base model.
+    """
+
+    id = "charge_dependent_capacitance"
+    neutral = "capacitance_falloff"
+    assumption = 8
+
+    capacitance_falloff = Parameter(
+        0.0, "1/C", min=-10.0, max=10.0, nominal=0.1, doc="relative fall of the differential capacitance per charge (a)"
+    )
+
+    def film_voltage(self) -> Any:
+        """Voltage of the films, (exp(a Q) - 1) / (a C) over the base model."""
+        z = self.capacitance_falloff * self.charge
+        small = abs(z) < _SMALL
+        series = 1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0 * (1.0 + z / 5.0)))
+        return super().film_voltage() * where(small, series, (exp(z) - 1.0) / where(small, 1.0, z))

@@ -1,0 +1,138 @@
+"""Effects of the springs and dashpots."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...kit import Parameter, State, minimum, sign, sqrt, where
+from .base import ActuatorEffect
+
+
+class SecondKelvin(ActuatorEffect):
+    """One more Kelvin element in the chain: elongation ``J f``, where ``T df/dt = F - f`` is the force of its spring.
+
+    Its transfer function from the load is ``J / (T s + 1)``. Relaxes assumption 9, that creep has one time constant
+    (eq. 3.1); ``J = 0`` is the base model.
+    """
+
+    id = "second_kelvin"
+    neutral = "second_creep_compliance"
+    assumption = 9
+
+    second_creep_compliance = Parameter(
+        0.0, "m/N", min=0, max=1e3, nominal=1e-5, display="mm/N", doc="compliance of the second Kelvin element (J)"
+    )
+    second_creep_time = Parameter(
+        20.0, "s", min=1e-3, max=1e9, nominal=20.0, doc="time constant of the second Kelvin element (T)",
+        source="a tenth of b2 / k2",
+    )  # fmt: skip
+    second_kelvin_force = State("N", rate="second_kelvin_rate", doc="force of the second Kelvin spring")
+
+    def second_kelvin_rate(self) -> Any:
+        """Rate of the force of the second spring, (F - f) / T."""
+        return (self.load() - self.second_kelvin_force) / self.second_creep_time
+
+    def creep(self) -> Any:
+        """Elongation of everything but the instantaneous spring, J f more."""
+        return super().creep() + self.second_creep_compliance * self.second_kelvin_force
+
+
+class NonlinearStiffness(ActuatorEffect):
+    """Instantaneous spring that softens or stiffens with load: ``x_0 = (F + n (sqrt(F^2 + S^2) - S)) / k1``.
+
+    Its compliance goes from ``1/k1`` without load to ``(1 + n)/k1`` under one much larger than ``S``: it softens with
+    ``n`` above 0 and stiffens below. Relaxes assumption 9, that the springs are linear (eq. 3.2); ``n = 0`` is the
+    base model.
+    """
+
+    id = "nonlinear_stiffness"
+    neutral = "load_softening"
+    assumption = 9
+
+    load_softening = Parameter(
+        0.0, "1", min=-0.95, max=0.95, nominal=0.1, doc="relative change of the compliance k1 has, at large load (n)"
+    )
+    softening_load = Parameter(
+        1.0, "N", min=1e-6, max=1e6, doc="load about which the compliance changes (S)",
+        source="middle of the loads of section 3.3.1, 0.5 to 2.75 N",
+    )  # fmt: skip
+
+    def spring_elongation(self, load: Any) -> Any:
+        """Instantaneous elongation, that of the base model under F + n (sqrt(F^2 + S^2) - S)."""
+        scale = self.softening_load
+        return super().spring_elongation(load + self.load_softening * (sqrt(load * load + scale * scale) - scale))
+
+    def spring_force(self, elongation: Any) -> Any:
+        """Inverse of :meth:`spring_elongation`, the root of a quadratic equation."""
+        n, scale = self.load_softening, self.softening_load
+        shifted = super().spring_force(elongation) + n * scale
+        rest = 1.0 - n * n
+        return (shifted - n * sqrt(shifted * shifted + rest * (scale * scale))) / rest
+
+
+class AsymmetricCreep(ActuatorEffect):
+    """Kelvin element that recovers slower than it creeps: while it shortens its rate is divided by ``1 + r``.
+
+    Relaxes assumption 9, that the dashpots are linear; the thesis itself finds the response not completely symmetric
+    (section 3.2.1). ``r = 0`` is the base model. It is seen only in a record with unloading.
+    """
+
+    id = "asymmetric_creep"
+    neutral = "recovery_slowness"
+    assumption = 9
+
+    recovery_slowness = Parameter(
+        0.0, "1", min=-0.9, max=1e3, nominal=0.1, doc="by how much recovery takes longer than creep, relative (r)"
+    )
+
+    def kelvin_rate(self) -> Any:
+        """Creep rate of the Kelvin element, slower while it shortens."""
+        rate = super().kelvin_rate()
+        return rate / where(rate < 0.0, 1.0 + self.recovery_slowness, 1.0)
+
+
+class YieldThreshold(ActuatorEffect):
+    """Maxwell dashpot that flows above a yield force only, after Bingham: ``dx_b1/dt = (F - F_y) / b1`` beyond ``F_y``.
+
+    Within ``-F_y`` and ``F_y`` it stands still. Relaxes assumption 9, that the dashpots are linear (eq. 3.3);
+    ``F_y = 0`` is the base model.
+    """
+
+    id = "yield_threshold"
+    neutral = "yield_force"
+    assumption = 9
+
+    yield_force = Parameter(0.0, "N", min=0, max=1e6, nominal=0.1, doc="load that the dashpot bears without flow (F_y)")
+
+    def flow_force(self) -> Any:
+        """Force under which the dashpot flows, what exceeds F_y."""
+        force = super().flow_force()
+        return force - sign(force) * minimum(abs(force), self.yield_force)
+
+
+class Slack(ActuatorEffect):
+    """Catenary: more compliance, by ``m / k1``, below a preload ``P``: ``x_0 = (F + m min(F, P)) / k1``.
+
+    Relaxes assumption 3, that the actuator is taut; the thesis preloads it with 0.5 N to remove the catenary
+    (section 3.3.1). ``m = 0`` is the base model.
+    """
+
+    id = "slack"
+    neutral = "slack_compliance"
+    assumption = 3
+
+    slack_compliance = Parameter(
+        0.0, "1", min=0, max=1e4, nominal=0.1, doc="additional compliance below the preload, relative to 1/k1 (m)"
+    )
+    preload = Parameter(
+        0.5, "N", min=0, max=1e6, doc="load that pulls the catenary straight (P)", source="section 3.3.1"
+    )
+
+    def spring_elongation(self, load: Any) -> Any:
+        """Instantaneous elongation, that of the base model under F + m min(F, P)."""
+        return super().spring_elongation(load + self.slack_compliance * minimum(load, self.preload))
+
+    def spring_force(self, elongation: Any) -> Any:
+        """Inverse of :meth:`spring_elongation`."""
+        force, m = super().spring_force(elongation), self.slack_compliance
+        return force - m * minimum(force / (1.0 + m), self.preload)

@@ -1,0 +1,62 @@
+"""What the tests of the actuator's effects share: where each is active, and its laws evaluated by name."""
+
+import numpy as np
+import pytest
+
+from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
+
+BASES = [PpyActuator, PpyActuatorLengthDriven]
+NEUTRAL = {name: effect.neutral for name, effect in EFFECTS.items()}
+ACTIVE = {
+    "double_layer": {"double_layer_resistance": 0.2, "double_layer_time": 0.3},
+    "diffusion": {"diffusion_share": 0.6, "diffusion_time": 7.0},
+    "nonlinear_leakage": {"leakage_growth": 0.3, "leakage_onset": 0.5},
+    "charge_dependent_capacitance": {"capacitance_falloff": 0.15},
+    "resistance_growth": {"resistance_growth_rate": 0.02},
+    "capacitance_fade": {"capacitance_fade_rate": 0.01},
+    "self_heating": {"conductance_rise_per_kelvin": 0.02, "thermal_resistance": 30.0, "thermal_time": 40.0},
+    "force_to_voltage": {"voltage_per_force": 0.03},
+    "quadratic_strain": {"beta": 7e-6},
+    "strain_saturation": {"strain_saturation_coefficient": 0.4**2},
+    "strain_lag": {"lag_time": 1.5},
+    "strain_hysteresis": {"hysteresis_share": 0.3, "hysteresis_width": 0.4},
+    "charge_dependent_stiffness": {"softening_per_charge": 0.1},
+    "second_kelvin": {"second_creep_compliance": 4e-5, "second_creep_time": 8.0},
+    "nonlinear_stiffness": {"load_softening": 0.4, "softening_load": 1.2},
+    "asymmetric_creep": {"recovery_slowness": 0.7},
+    "yield_threshold": {"yield_force": 0.6},
+    "slack": {"slack_compliance": 1.5, "preload": 0.8},
+}
+POSITIVE = ("throughput", "fading_throughput", "temperature_rise")
+bases = pytest.mark.parametrize("base", BASES, ids=lambda cls: cls.name)
+effects = pytest.mark.parametrize("name", EFFECTS)
+
+
+def random_values(cls, seed, size=None):
+    """Parameters about their defaults, and any state and input; the length-driven one taut as often as slack."""
+    rng = np.random.default_rng(seed)
+    values = {}
+    for v in cls.layout.parameters:
+        values[v.name] = np.abs(v.start) * rng.uniform(0.3, 3.0, size)
+    for v in (*cls.layout.inputs, *cls.layout.states):
+        values[v.name] = v.nominal * rng.normal(size=size) * 3.0
+    for name in POSITIVE:
+        if name in values:
+            values[name] = np.abs(values[name]) * 10.0
+    return values if size else {name: float(value) for name, value in values.items()}
+
+
+def named(cls, values):
+    """Rates and outputs by name."""
+    model = cls()
+    for name, value in values.items():
+        setattr(model, name, value)
+    layout = cls.layout
+    result = dict(zip((f"der({s.name})" for s in layout.states), model.rates(), strict=True))
+    return result | dict(zip((o.name for o in layout.outputs), model.outputs(), strict=True))
+
+
+def active(names):
+    """Parameter values at which the named effects are all active."""
+    return {parameter: value for name in names for parameter, value in ACTIVE[name].items()}
