@@ -14,6 +14,11 @@ if TYPE_CHECKING:
 COMPONENTS = {
     "ppy_actuator": "ppy_actuator.model:PpyActuator",
     "ppy_actuator_length_driven": "ppy_actuator.model:PpyActuatorLengthDriven",
+    "galvanostat": "galvanostat.model:Galvanostat",
+    "voice_coil_dma": "voice_coil_dma.model:VoiceCoilDma",
+    "degradation_estimator": "degradation_estimator.model:DegradationEstimator",
+    "foot": "foot.model:Foot",
+    "foot_dynamic": "foot.model:FootDynamic",
 }
 
 

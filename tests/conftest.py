@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fmus import component
+from fmus import COMPONENTS, component
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.toolchain import host_platform
 
@@ -39,26 +39,9 @@ def runtime(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
-# Components whose signals and parameters the tables of tests/contract know; the others have their own tests of both
-# builds, and belong here as the tables learn about them.
-KNOWN = ("ppy_actuator", "ppy_actuator_length_driven")
-
-
-# Components that are not registered yet; their tests run with the slow ones.
-COMING = ("test_galvanostat", "test_voice_coil_dma", "test_degradation_estimator", "test_foot", "test_impedance")
-
-
-@pytest.hookimpl(tryfirst=True)  # before -m chooses
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of components to come."""
-    for item in items:
-        if item.path.stem.startswith(COMING):
-            item.add_marker(pytest.mark.slow)
-
-
-@pytest.fixture(params=KNOWN)
+@pytest.fixture(params=COMPONENTS)
 def name(request: pytest.FixtureRequest) -> str:
-    """Each component of `KNOWN` in turn."""
+    """Each component in turn."""
     return request.param
 
 

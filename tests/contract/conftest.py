@@ -1,4 +1,4 @@
-"""FMUs for the contract: both components in both builds, and the small models beside them."""
+"""FMUs for the contract: every component in both builds, and the small models beside them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from fmus.kit.build import build
 from fmus.kit.component import Component
 from fmus.kit.toolchain import host_platform
 from tests.contract.raw import instance
+from tests.contract.subjects import SUBJECTS, Subject
 
 
 @pytest.fixture(autouse=True)
@@ -34,9 +35,15 @@ def one(archive: Path):
 
 
 @pytest.fixture
+def subject(name: str) -> Subject:
+    """What tests have to be told of the component."""
+    return SUBJECTS[name]
+
+
+@pytest.fixture
 def load(name: str) -> str:
-    """Name of the mechanical input of the component."""
-    return {"ppy_actuator": "force", "ppy_actuator_length_driven": "length_change"}[name]
+    """Name of the mechanical input of an actuator."""
+    return SUBJECTS[name].second
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from tests.contract.raw import ERROR, Instance, Library, fast_stepper, instance, resident, unzipped
+from tests.contract.subjects import Subject
+
+WARM_UP = 20_000  # steps before memory is measured
 
 
 def grow_by_creating(fmu: str, warm_up: int, cycles: int) -> int:
@@ -25,15 +28,16 @@ def grow_by_creating(fmu: str, warm_up: int, cycles: int) -> int:
         return grown
 
 
-def grow_by_stepping(fmu: str, load: str, value: float, steps: int) -> tuple[int, float]:
-    """Bytes by which steps make the process grow, and the time reached."""
+def grow_by_stepping(fmu: str, subject: Subject, steps: int) -> tuple[int, float, float]:
+    """Bytes by which steps make the process grow, the time reached, and the size of the steps."""
     with instance(fmu) as one:
-        one.initialize({"current": 0.1})
-        advance = fast_stepper(one, load, value, "voltage")
-        advance(20_000, 0.01)
+        one.initialize()
+        size = 0.1 * one.library.step
+        advance = fast_stepper(one, subject.first, 0.1 * subject.inputs[subject.first], subject.output)
+        advance(WARM_UP, size)
         before = resident()
-        advance(steps, 0.01)
-        return resident() - before, one.time
+        advance(steps, size)
+        return resident() - before, one.time, size
 
 
 def grow_by_everything_else(fmu: str, broken: str) -> int:

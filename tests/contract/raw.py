@@ -75,6 +75,8 @@ class Library:
     ----------
     variables : dict of str to tuple
         Name to value reference and FMI type.
+    step : float
+        Communication step that the model description proposes, in seconds.
     """
 
     def __init__(self, folder: Path):
@@ -85,6 +87,7 @@ class Library:
             v.attrib["name"]: (int(v.attrib["valueReference"]), v[0].tag) for v in description.iter("ScalarVariable")
         }
         self.causality = {v.attrib["name"]: v.attrib["causality"] for v in description.iter("ScalarVariable")}
+        self.step = float(description.find("DefaultExperiment").attrib["stepSize"])  # type: ignore[union-attr]
         identifier = description.find("CoSimulation").attrib["modelIdentifier"]  # type: ignore[union-attr]
         platform, extension = BINARY[sys.platform]
         self.dll = ctypes.CDLL(str(folder / "binaries" / platform / (identifier + extension)))

@@ -3,39 +3,45 @@
 from __future__ import annotations
 
 import math
+import re
 import zipfile
 from xml.etree import ElementTree
 
 import pytest
 
-# Exponents of SI base units, worked out by hand: C = A s, V = W/A, ohm = V/A, F = C/V, N = kg m/s^2.
-UNITS = {
-    "A": {"A": 1},
-    "C": {"A": 1, "s": 1},
-    "C/s": {"A": 1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
-    "m": {"m": 1},
-    "m/s": {"m": 1, "s": -1},
-    "m/C": {"m": 1, "A": -1, "s": -1},
+from tests.contract.subjects import actuators_only
+
+# Exponents of SI base units, worked out by hand: C = A s, V = W/A, ohm = V/A, F = C/V, H = V s/A, N = kg m/s^2.
+AMPERE, METRE, SECOND, KILOGRAM, RADIAN = ({unit: 1} for unit in ("A", "m", "s", "kg", "rad"))
+BASE = {
+    "1": {}, "A": AMPERE, "m": METRE, "s": SECOND, "kg": KILOGRAM, "rad": RADIAN, "C": {"A": 1, "s": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "F": {"kg": -1, "m": -2, "s": 4, "A": 2}, "Hz": {"s": -1}, "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "N": {"kg": 1, "m": 1, "s": -2},
-    "N/m": {"kg": 1, "s": -2},
-    "N*s/m": {"kg": 1, "s": -1},
-}
-# Display value = factor * value in the unit + offset
-DISPLAY = {("m", "mm"): 1000.0, ("m/C", "mm/C"): 1000.0}
-VARIABLES = {
-    "R1": "ohm", "R2": "ohm", "C": "F", "alpha": "m/C", "k1": "N/m", "b1": "N*s/m", "k2": "N/m", "b2": "N*s/m",
-    "current": "A", "voltage": "V", "charge": "C", "charge_start": "C", "der(charge)": "C/s",
-    "electrochemical_displacement": "m", "mechanical_displacement": "m", "kelvin_elongation": "m",
-    "maxwell_elongation": "m", "der(kelvin_elongation)": "m/s", "der(maxwell_elongation)": "m/s",
 }  # fmt: skip
-EXTRA = {
-    "ppy_actuator": {"force": "N", "displacement": "m"},
-    "ppy_actuator_length_driven": {"length_change": "m", "tension": "N"},
-}
-POSITIVE = ("R2", "C", "k1", "b1", "k2", "b2")
+# Display value = factor * value in the unit
+DISPLAY = {
+    ("m", "mm"): 1e3, ("m/C", "mm/C"): 1e3, ("A", "mA"): 1e3, ("V", "mV"): 1e3, ("s", "us"): 1e6, ("1", "%"): 1e2,
+    ("rad", "deg"): 180.0 / math.pi, ("m/N", "mm/N"): 1e3, ("s", "ms"): 1e3,
+    ("m/s", "mm/s"): 1e3, ("rad/s", "deg/s"): 180.0 / math.pi,
+}  # fmt: skip
+POSITIVE = {
+    "ppy_actuator": "R2 C k1 b1 k2 b2", "ppy_actuator_length_driven": "R2 C k1 b1 k2 b2",
+    "galvanostat": "current_limit compliance_voltage protection_period control_period",
+    "voice_coil_dma": "R L m force_cutoff position_cutoff sample_period",
+    "degradation_estimator": "sample_period forgetting_time remaining_weight initial_covariance",
+    "foot": "l1 l2 l3 k_an b_an r_po", "foot_dynamic": "l1 l2 l3 k_an b_an r_po ankle_inertia tm_inertia mtp_inertia",
+}  # fmt: skip
+
+
+def exponents(unit: str) -> dict[str, int]:
+    """SI exponents of a product of units such as ``N*s/m``: after each slash, one factor is divided by."""
+    total: dict[str, int] = {}
+    for sign, factor in re.findall(r"([*/]?)([^*/]+)", unit):
+        name, _, power = factor.partition("^")
+        for base, exponent in BASE[name].items():
+            total[base] = total.get(base, 0) + (-1 if sign == "/" else 1) * exponent * int(power or 1)
+    return {base: exponent for base, exponent in total.items() if exponent}
 
 
 @pytest.fixture
@@ -54,8 +60,8 @@ def test_units_are_defined_by_their_si_exponents(root):
         base = dict(unit.find("BaseUnit").attrib)
         assert float(base.pop("factor", 1.0)) == 1.0, "everything internal is SI"
         assert float(base.pop("offset", 0.0)) == 0.0
-        defined[unit.attrib["name"]] = {name: int(power) for name, power in base.items()}
-    assert defined == {name: UNITS[name] for name in defined}
+        defined[unit.attrib["name"]] = {base_unit: int(power) for base_unit, power in base.items()}
+    assert defined == {name: exponents(name) for name in defined}
     assert set(defined) == {real.attrib["unit"] for real in reals(root).values()}
 
 
@@ -70,10 +76,13 @@ def test_display_units_convert_rightly(root):
     assert used == set(found)
 
 
-def test_every_variable_has_its_unit_and_a_description(root, name):
+def test_every_variable_has_its_unit_and_a_description(root, subject):
+    words = subject.signals.split()
     units = {v: real.attrib["unit"] for v, real in reals(root).items()}
-    expected = VARIABLES | EXTRA[name]
-    assert {v: units[v] for v in expected} == expected
+    causality = {v.attrib["name"]: v.attrib["causality"] for v in root.iter("ScalarVariable")}
+    for signal, unit in zip(words[::2], words[1::2], strict=True):
+        assert units.get(signal, "-") == unit, signal
+        assert causality[signal] in ("input", "output"), signal
     for variable in root.iter("ScalarVariable"):
         assert len(variable.attrib["description"]) > 8, variable.attrib["name"]
 
@@ -92,16 +101,18 @@ def test_types_are_defined_and_agree_with_their_variables(root):
     assert declared == set(types)
 
 
-def test_physical_parameters_have_ranges_around_their_default(root):
-    for name, real in reals(root).items():
+def test_physical_parameters_have_ranges_around_their_default(root, name):
+    for variable, real in reals(root).items():
         low, high = (float(real.attrib.get(key, fallback)) for key, fallback in (("min", -math.inf), ("max", math.inf)))
         if "start" in real.attrib:
-            assert low <= float(real.attrib["start"]) <= high, name
-        if name in POSITIVE:
-            assert 0.0 < low < high < math.inf, name
-    assert float(reals(root)["R1"].attrib["min"]) == 0.0
+            assert low <= float(real.attrib["start"]) <= high, variable
+    for parameter in POSITIVE[name].split():
+        assert (
+            0.0 < float(reals(root)[parameter].attrib["min"]) < float(reals(root)[parameter].attrib["max"]) < math.inf
+        )
 
 
+@actuators_only
 def test_small_quantities_have_a_nominal_value(root):
     for name in ("kelvin_elongation", "maxwell_elongation", "mechanical_displacement", "electrochemical_displacement"):
         assert float(reals(root)[name].attrib["nominal"]) == 1e-4

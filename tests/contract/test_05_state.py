@@ -15,17 +15,19 @@ from tests.contract.models import Oscillator, Sampler
 from tests.contract.raw import OK, Instance, Library, doubles, instance, integers, unzipped
 
 STEPS = 60
+FOOT_LOADS = [f"{actuator}_tension" for actuator in ("an", "po", "do", "pl")] + ["toe_force_x", "toe_force_y"]
 
 
 def schedule(library: Library, seed: int, count: int) -> list[tuple[float, dict[str, float]]]:
-    """Random steps and inputs; steps from far below to far above what the integrator takes at once."""
+    """Random steps and inputs; steps from far below to far above the one that the FMU proposes."""
     rng = np.random.default_rng(seed)
     inputs = [n for n, causality in library.causality.items() if causality == "input"]
-    sizes = {"length_change": 1e-3, "speed": 30.0, "growth": 0.0}
+    sizes = {"length_change": 1e-3, "speed": 30.0, "growth": 0.0} | dict.fromkeys(FOOT_LOADS, 0.02)
     moves = []
     for _ in range(count):
         values = {n: float(sizes.get(n, 1.0) * rng.uniform(-1, 1)) for n in inputs}
-        moves.append((float(10 ** rng.uniform(-3, 0.3)), values | ({"enabled": 1.0} if "enabled" in values else {})))
+        values |= {n: float(abs(values[n]) > 0.2) for n in inputs if library.variables[n][1] == "Boolean"}
+        moves.append((float(library.step * 10 ** rng.uniform(-2, 1.3)), values))
     return moves
 
 
@@ -77,13 +79,13 @@ def test_a_state_may_be_restored_in_any_mode_and_in_another_instance(model):
             one.forget(state)
 
 
-def test_restoring_brings_the_parameters_back_too(archive):
+def test_restoring_brings_the_parameters_back_too(archive, subject):
     """An instance that has already calculated with other parameters must not keep anything of them."""
     with unzipped(archive) as folder:
         library = Library(folder)
         with Instance(library) as one, Instance(library, b"another") as other:
-            one.initialize({"R1": 0.5, "k1": 5000.0})
-            other.initialize({"R1": 5.0, "k1": 100.0, "C": 1.0})
+            one.initialize(subject.parameters)
+            other.initialize()
             go(other, schedule(library, 1, STEPS))
             moves, state = schedule(library, 2, STEPS), one.save()
             assert continuation(other, state, 0.0, moves) == go(one, moves)
@@ -137,9 +139,9 @@ def test_equal_states_are_equal_bytes(model):
 
 
 @pytest.mark.parametrize("mode", ["before", "during"])
-def test_state_saved_before_the_simulation_starts(one, load, mode):
+def test_state_saved_before_the_simulation_starts(one, subject, mode):
     one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 1, 100.0)
-    one.set({"R1": 0.5, "charge_start": 0.25})
+    one.set(subject.parameters)
     if mode == "during":
         one.do("fmi2EnterInitializationMode")
     state = one.save()
@@ -157,10 +159,10 @@ def test_state_saved_before_the_simulation_starts(one, load, mode):
     one.forget(state)
 
 
-def test_slopes_of_inputs_are_part_of_the_state(fmu, name):
+def test_slopes_of_inputs_are_part_of_the_state(fmu, name, subject):
     with instance(fmu(name, "native")) as one:
         one.initialize()
-        one.do("fmi2SetRealInputDerivatives", one.references(["current"]), 1, integers(1), doubles(0.7))
+        one.do("fmi2SetRealInputDerivatives", one.references([subject.first]), 1, integers(1), doubles(0.7))
         state, found = one.save(), []
         for _ in range(2):
             one.restore(state)
@@ -168,7 +170,7 @@ def test_slopes_of_inputs_are_part_of_the_state(fmu, name):
             one.step(0.5)
             found.append(one.everything())
         one.restore(state)
-        one.do("fmi2SetRealInputDerivatives", one.references(["current"]), 1, integers(1), doubles(0.0))
+        one.do("fmi2SetRealInputDerivatives", one.references([subject.first]), 1, integers(1), doubles(0.0))
         one.time = 0.0
         one.step(0.5)
         found.append(one.everything())

@@ -15,6 +15,7 @@ from fmus.kit.build import RUNTIMES
 from tests import hosts
 from tests.contract.models import DoubledVoltage, Oscillator, Sampler
 from tests.contract.raw import Instance, Library, instance, unzipped
+from tests.contract.subjects import actuators_only
 from tests.contract.test_05_state import go, schedule
 
 STEPS = 80
@@ -49,8 +50,8 @@ def together(runs: list[tuple[str, int, dict[str, float]]]) -> tuple[list[bytes]
     return trails, sorted(set(sys.modules) - modules), [p for p in sys.path if p not in paths]
 
 
-def test_two_instances_run_as_each_alone(archive):
-    runs = [(str(archive), 1, {}), (str(archive), 2, {"R1": 0.9, "charge_start": 0.5})]
+def test_two_instances_run_as_each_alone(archive, subject):
+    runs = [(str(archive), 1, {}), (str(archive), 2, dict(subject.parameters))]
     returncode, answer = hosts.in_subprocess(together, runs)
     assert returncode == 0, answer
     for (fmu, seed, parameters), trail in zip(runs, answer[0], strict=True):
@@ -71,6 +72,7 @@ def test_all_fmus_in_one_process_run_as_each_alone(fmu, built):
     assert len({m.partition(".")[0] for m in modules if m.startswith("_ppy_fmu_")}) == min(4, len(files) // 2)
 
 
+@actuators_only
 def test_fmus_with_modules_of_one_name_keep_their_own_laws(fmu, built, name, runtime):
     other = stack(component(name), DoubledVoltage, name=name)
     pair = [str(fmu(name, runtime)), str(built(other, runtime))]
@@ -107,17 +109,17 @@ def test_instances_in_threads_run_as_each_alone(archive):
 
 
 @pytest.mark.parametrize("first", RUNTIMES)
-def test_an_instance_outlives_others(fmu, name, first):
+def test_an_instance_outlives_others(fmu, name, subject, first):
     second = {"python": "native", "native": "python"}[first]
     with instance(fmu(name, first)) as one:
-        one.initialize({"current": 0.9})
+        one.initialize(subject.inputs)
         one.step(0.1)
         before = one.save()
         one.step(0.1)
         expected = one.everything()
         for runtime in (first, second) * 3:
             with instance(fmu(name, runtime)) as other:
-                other.initialize({"current": -0.3})
+                other.initialize(subject.parameters)
                 other.step(0.3)
         one.restore(before)
         one.time = 0.1

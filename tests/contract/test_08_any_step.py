@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tests.contract import oracle
 from tests.contract.models import Oscillator, Sampler
 from tests.contract.raw import instance
+from tests.contract.subjects import actuators_only
 
 # From a hundredth of what a controller would use to longer than any time constant but the slowest.
 SIZES = st.floats(-4.0, 1.5).map(lambda power: 10.0**power)
@@ -26,6 +27,7 @@ def loads(name: str, shares: list[float]) -> np.ndarray:
     return 2.0 * np.array(shares) if name == "ppy_actuator" else 1e-3 * (1.0 + np.cumsum(shares))
 
 
+@actuators_only
 @relaxed
 @given(moves=MOVES)
 def test_any_sequence_of_steps_follows_the_matrix_exponential(one, name, load, moves):
@@ -43,6 +45,7 @@ def test_any_sequence_of_steps_follows_the_matrix_exponential(one, name, load, m
     assert np.all(np.abs(np.array(found) - expected) <= tolerated)
 
 
+@actuators_only
 @pytest.mark.parametrize("size", [1e-5, 0.1, 1.0, 7.3, 1000.0])
 def test_one_size_after_another(one, name, load, size):
     held = {"force": 2.0, "length_change": 1e-3}[load]
@@ -54,6 +57,7 @@ def test_one_size_after_another(one, name, load, size):
         assert np.all(np.abs(np.array(one.get(*oracle.OUTPUTS[name])) - row) <= tolerated)
 
 
+@actuators_only
 def test_start_time_changes_nothing(one, name, load):
     one.initialize({"current": 0.9, load: 1e-3}, start=0.0)
     one.step(2.5)
@@ -62,6 +66,23 @@ def test_start_time_changes_nothing(one, name, load):
     one.initialize({"current": 0.9, load: 1e-3}, start=-1024.0)
     one.step(2.5)
     assert one.get(*oracle.OUTPUTS[name]) == pytest.approx(expected, rel=1e-12), "but for the rounding of times"
+
+
+@pytest.mark.parametrize("sizes", [[0.05] * 20, [0.3, 0.001, 0.199, 0.5], [1e-4, 0.9999]], ids=len)
+def test_dividing_a_step_changes_nothing_but_rounding(archive, subject, sizes):
+    """With the inputs held, one step of a second and any that add up to it end in the same values."""
+    ends = []
+    with instance(archive) as one:
+        for division in ([1.0], sizes):
+            one.do("fmi2Reset")
+            one.initialize({**subject.parameters, **subject.inputs})
+            for size in division:
+                one.step(size)
+            ends.append(dict(zip(one.variables, one.everything(), strict=True)))
+    for signal, expected in ends[0].items():
+        if signal.startswith("der("):
+            continue  # differences of what is compared
+        assert ends[1][signal] == pytest.approx(expected, rel=1e-6, abs=1e-8), signal
 
 
 def test_tighter_tolerance_brings_the_result_closer(built, runtime):

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 import struct
+import sys
 import zipfile
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,13 +15,18 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-import fmus.ppy_actuator
 from fmus import component
 from fmus.kit.toolchain import host_platform
 from tests import hosts
+from tests.contract.subjects import actuators_only
 
-FOLDER = Path(fmus.ppy_actuator.__file__).parent
 REFERENCES = "extra/org.fmi-standard.fmi-ls-ref"
+
+
+@pytest.fixture
+def folder(name) -> Path:
+    """Where the component's sources are."""
+    return Path(sys.modules[component(name).__module__].__file__).parent
 
 
 @pytest.fixture
@@ -50,16 +56,14 @@ class Page(HTMLParser):
         self.words += data
 
 
-def test_documentation_is_a_page_with_every_variable_and_the_readme(files, name):
+def test_documentation_is_a_page_with_every_variable_and_the_readme(files, folder, name):
     page = Page(files["documentation/index.html"].decode())
     assert page.open == [], "every element is closed"
     for variable in component(name).layout.variables:
         assert variable.name in page.words
-    readme = FOLDER / "README.md"
-    if readme.exists():
-        for line in readme.read_text().splitlines():
-            if line.startswith("#"):
-                assert line.strip("# ").replace("`", "") in page.words
+    for line in (folder / "README.md").read_text().splitlines():
+        if line.startswith("#"):
+            assert line.strip("# ").replace("`", "") in page.words
     assert not [link for link in page.outside if not link.startswith(("https://", "http://", "mailto:"))]
 
 
@@ -116,9 +120,25 @@ def test_binary_of_this_platform(files, name):
     assert [n for n in files if n.startswith(f"binaries/{host_platform()}/{name}.")]
 
 
-def test_presets_are_parameter_files(files):
-    root = ElementTree.fromstring(files["resources/presets/five_layer.ssv"])
-    values = {p.attrib["name"]: float(p[0].attrib["value"]) for p in root.iter() if p.tag.endswith("}Parameter")}
+def preset(files: dict[str, bytes], title: str) -> dict[str, float]:
+    """Values of a preset's parameter file."""
+    root = ElementTree.fromstring(files[f"resources/presets/{title}.ssv"])
+    words = {"true": 1.0, "false": 0.0}
+    texts = {p.attrib["name"]: p[0].attrib["value"] for p in root.iter() if p.tag.endswith("}Parameter")}
+    return {name: words[text] if text in words else float(text) for name, text in texts.items()}
+
+
+def test_presets_are_parameter_files(files, name):
+    presets = component(name).presets
+    there = {Path(file).stem for file in files if file.startswith("resources/presets/")}
+    assert there == set(presets)
+    for title in presets:
+        assert preset(files, title) == presets[title].values
+
+
+@actuators_only
+def test_numbers_of_a_preset(files):
+    values = preset(files, "five_layer")
     assert {k: values[k] for k in ("R1", "R2", "C")} == {"R1": 1.32, "R2": 2.72, "C": 0.46}
     assert values["k1"] == pytest.approx(6300 * 5 / 12)
 
@@ -131,35 +151,35 @@ def rows(text: str) -> tuple[list[str], np.ndarray]:
     return header, np.array(body, dtype=float)
 
 
-def options(name: str) -> dict[str, str]:
-    text = (FOLDER / "reference" / f"{name}_ref.opt").read_text()
+def options(folder: Path, name: str) -> dict[str, str]:
+    text = (folder / "reference" / f"{name}_ref.opt").read_text()
     return dict(line.split(",") for line in text.splitlines())
 
 
-def test_cross_check_files_are_beside_the_model(name):
-    given = options(name)
+def test_cross_check_files_are_beside_the_model(folder, name):
+    given = options(folder, name)
     assert {"StartTime", "StopTime", "StepSize", "RelTol"} <= set(given)
     for suffix in ("in", "ref"):
-        header, table = rows((FOLDER / "reference" / f"{name}_{suffix}.csv").read_text())
+        header, table = rows((folder / "reference" / f"{name}_{suffix}.csv").read_text())
         assert header[0] == "time"
         assert table[0, 0] == float(given["StartTime"])
         assert table[-1, 0] == float(given["StopTime"])
         assert np.all(np.diff(table[:, 0]) >= 0.0)
 
 
-def test_layered_standard_files(files, name):
+def test_layered_standard_files(files, folder, name):
     manifest = ElementTree.fromstring(files[f"{REFERENCES}/fmi-ls-manifest.xml"])
     namespace = "{http://fmi-standard.org/fmi-ls-manifest}"
     assert manifest.attrib[f"{namespace}fmi-ls-name"] == "org.fmi-standard.fmi-ls-ref"
     assert manifest.attrib[f"{namespace}fmi-ls-version"]
     assert manifest.attrib[f"{namespace}fmi-ls-description"]
     (experiment,) = ElementTree.fromstring(files[f"{REFERENCES}/experiments.xml"]).iter("Experiment")
-    assert experiment.attrib["stopTime"] == options(name)["StopTime"]
-    assert experiment.attrib["stepSize"] == options(name)["StepSize"]
+    assert experiment.attrib["stopTime"] == options(folder, name)["StopTime"]
+    assert experiment.attrib["stepSize"] == options(folder, name)["StepSize"]
     sources = [e.attrib["source"] for e in experiment]
     assert sources == [f"{name}_in.csv", f"{name}_ref.csv"]
     for source in sources:
-        assert files[f"{REFERENCES}/{source}"] == (FOLDER / "reference" / source).read_bytes()
+        assert files[f"{REFERENCES}/{source}"] == (folder / "reference" / source).read_bytes()
 
 
 def test_fmu_reproduces_the_reference_result(archive, files, name):

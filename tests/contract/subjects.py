@@ -1,0 +1,116 @@
+"""What the contract has to be told of each component; everything else it reads from the FMU.
+
+The signals and their units are those of the design, typed in again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import pytest
+
+from fmus import COMPONENTS
+
+ACTUATORS = ("ppy_actuator", "ppy_actuator_length_driven")
+# Tests of the front-end and of the exact solutions, which need no other component
+actuators_only = pytest.mark.parametrize("name", ACTUATORS)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A component under test.
+
+    Attributes
+    ----------
+    inputs : Mapping of str to float
+        Two inputs at least, each with a value that is typical of it.
+    output : str
+        A real output that depends on the first of the parameters.
+    parameters : Mapping of str to float
+        Some off their defaults, a start value among them if there is one; the last has a positive minimum.
+    signals : str
+        Inputs and outputs of the design with their units.
+    started : Mapping of str to float
+        Start values that bring every law into play, away from kinks.
+    """
+
+    inputs: Mapping[str, float]
+    output: str
+    parameters: Mapping[str, float]
+    signals: str
+    started: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def first(self) -> str:
+        """Name of the first input."""
+        return next(iter(self.inputs))
+
+    @property
+    def second(self) -> str:
+        """Name of the second input."""
+        return list(self.inputs)[1]
+
+    @property
+    def parameter(self) -> str:
+        """Name of a parameter."""
+        return next(iter(self.parameters))
+
+    @property
+    def positive(self) -> str:
+        """Name of a parameter that must not be zero."""
+        return list(self.parameters)[-1]
+
+
+_ACTUATOR = {"R1": 0.5, "charge_start": 0.25, "C": 2.0}
+_ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
+_FOOT = (
+    "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N "
+    "an_length m po_length m do_length m pl_length m an_length_rate m/s toe_x m toe_y m "
+    "ankle_torque N*m tm_torque N*m mtp_torque N*m toe_compliance_xx m/N toe_damping_xx N*s/m "
+    "ankle_angle rad tm_angle rad mtp_angle rad ankle_rate rad/s tm_rate rad/s mtp_rate rad/s"
+)
+SUBJECTS = {
+    "ppy_actuator": Subject(
+        {"current": 0.9, "force": 1.0},
+        "voltage",
+        _ACTUATOR,
+        "current A force N voltage V displacement m electrochemical_displacement m mechanical_displacement m charge C",
+        _ELONGATED,
+    ),
+    "ppy_actuator_length_driven": Subject(
+        {"current": 0.9, "length_change": 1e-3},
+        "voltage",
+        _ACTUATOR,
+        "current A length_change m tension N voltage V electrochemical_displacement m mechanical_displacement m "
+        "charge C",
+        _ELONGATED,
+    ),
+    "galvanostat": Subject(
+        {"current_command": 0.9, "voltage": 1.0, "voltage_limit": 2.0, "voltage_command": 0.5},
+        "current",
+        {"response_time": 0.01, "lagged_current_start": 0.1, "current_limit": 0.5},
+        "current_command A voltage V voltage_limit V current A saturated - recovering -",
+    ),
+    "voice_coil_dma": Subject(
+        {"force_reference": 1.0, "tension": 0.5},
+        "coil_voltage",
+        {"K": 4.5, "position_start": 1e-4, "voltage_command_start": 0.5, "R": 2.5},
+        "force_reference N tension N position m velocity m/s coil_current A coil_voltage V force_measured N "
+        "position_measured m",
+    ),
+    "degradation_estimator": Subject(
+        {"current": 0.9, "voltage": 0.5},
+        "voltage_limit",
+        {"initial_voltage_limit": 1.2, "R1_start": 0.4, "forgetting_time": 100.0},
+        "current A voltage V R1 ohm R2 ohm C F impedance ohm impedance_change 1 voltage_limit V estimate_valid -",
+    ),
+    "foot": Subject({"po_tension": 1.0, "ankle_angle": 0.1}, "toe_x", {"l1": 0.052, "k_an": 8000.0}, _FOOT),
+    "foot_dynamic": Subject(
+        {"po_tension": 0.1, "toe_force_y": 0.1},
+        "toe_x",
+        {"l1": 0.052, "tm_angle_start": 0.01, "k_an": 8000.0},
+        _FOOT,
+    ),
+}
+assert set(SUBJECTS) == set(COMPONENTS), "every component is under contract"
