@@ -6,13 +6,14 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from . import building, importing, machine, record, stepping
+from . import ageing, building, importing, machine, record, stepping
 from .tables import Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 TOPICS: dict[str, Callable[[bool], Topic]] = {
     "step": stepping.measure,
     "record": record.measure,
+    "ageing": ageing.measure,
     "import": importing.measure,
     "build": building.measure,
 }

@@ -247,14 +247,14 @@ class Fmu:
         prepared = self._transfers("Set", names)
 
         def write(row: Array) -> None:
-            for call, kind, positions, references, values in prepared:
-                chosen = row[positions].tolist()
+            for call, kind, own, where, references, values in prepared:
+                chosen = row[where].tolist()
                 if kind != "real":
-                    for position, value in zip(positions, chosen, strict=True):
-                        check_type(kind, value, f"{self.path.name}: {names[position]}")
+                    for name, value in zip(own, chosen, strict=True):
+                        check_type(kind, value, f"{self.path.name}: {name}")
                     chosen = [int(value) for value in chosen]
                 values[:] = chosen
-                if call(self._slave.component, references, len(positions), values) > fmi2.fmi2Warning:
+                if call(self._slave.component, references, len(values), values) > fmi2.fmi2Warning:
                     raise self._failed(f"setting {', '.join(names)} failed")
 
         return write
@@ -274,10 +274,10 @@ class Fmu:
         prepared = self._transfers("Get", names)
 
         def read(row: Array) -> None:
-            for call, _, positions, references, values in prepared:
-                if call(self._slave.component, references, len(positions), values) > fmi2.fmi2Warning:
+            for call, _, _, where, references, values in prepared:
+                if call(self._slave.component, references, len(values), values) > fmi2.fmi2Warning:
                     raise self._failed(f"reading {', '.join(names)} failed")
-                row[positions] = values[:]
+                row[where] = values[:]
 
         return read
 

@@ -15,7 +15,8 @@ class Transfer(NamedTuple):
 
     call: Callable[..., int]
     kind: str
-    positions: list[int]
+    names: list[str]
+    row: slice | list[int]  # where the values are in the row; a slice, if they stand together, costs a fifth
     references: Any
     values: Any
 
@@ -59,5 +60,7 @@ def transfers(library: Any, verb: str, names: Sequence[str], variables: Mapping[
         references = (ctypes.c_uint * count)(*(variables[names[p]].valueReference for p in positions))
         name, array = f"fmi2{verb}{kind.capitalize()}", number * count
         call = bind(library, name, ctypes.c_uint * count, ctypes.c_size_t, array)
-        prepared.append(Transfer(call, kind, positions, references, array()))
+        together = slice(positions[0], positions[0] + count)
+        row = together if positions == list(range(len(names))[together]) else positions
+        prepared.append(Transfer(call, kind, [names[p] for p in positions], row, references, array()))
     return prepared

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import building, importing, machine, record, stepping
+from benchmarks import ageing, building, importing, machine, record, stepping
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
 
@@ -51,6 +51,15 @@ def test_record_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(record, "AGREEMENT", record.AGREEMENT | {record.BARE: -1.0})
     with pytest.raises(RuntimeError, match=r"bare loop in C: \w+ differs by"):
         record.measure(quick=True)
+
+
+def test_ageing() -> None:
+    (table,) = ageing.measure(quick=True).tables
+    found = rows(table)
+    assert list(found) == [ageing.LIFE, ageing.STEPS]
+    assert found[ageing.LIFE][-1] == 1.0
+    for best, speed, _, _ in found.values():
+        assert speed * best == pytest.approx(20.0)
 
 
 def test_import() -> None:
@@ -146,4 +155,4 @@ def test_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 def test_unknown_topic(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         command.main(["speed"])
-    assert "unknown topic 'speed'; there are: step, record, import, build" in capsys.readouterr().err
+    assert "unknown topic 'speed'; there are: step, record, ageing, import, build" in capsys.readouterr().err

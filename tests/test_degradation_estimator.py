@@ -235,6 +235,104 @@ def test_reversals_are_turning_points_beyond_the_swing(values):
         assert model.reversals == count
 
 
+def alternating(durations, amplitude=0.9):
+    """Levels of alternating sign, each held for a number of samples."""
+    return np.concatenate([amplitude * (-1) ** k * np.ones(n) for k, n in enumerate(durations)])
+
+
+@settings(deadline=None, max_examples=20)
+@given(durations=st.lists(st.integers(1, 150), min_size=5, max_size=40))
+def test_tracked_frequency_is_that_of_reversals_of_equal_sign(estimate, durations):
+    """Against the switching times themselves; the first half period starts with the first movement and is left out."""
+    tracked = estimate(alternating(durations), np.zeros(sum(durations)))["tracked_angular_frequency"]
+    switched = PERIOD * np.cumsum(durations)[:-1]
+    period, expected = None, OMEGA
+    for before, last, now in zip(switched, switched[1:], switched[2:], strict=False):
+        share = 1.0 if period is None else -math.expm1(-(now - last) / 30.0)
+        period = (period or 0.0) + share * (now - before - (period or 0.0))
+        expected = 2 * math.pi / period
+    assert tracked[-1] == pytest.approx(expected, rel=1e-9)
+    assert np.all(tracked[: round(switched[2] / PERIOD)] == OMEGA)
+
+
+@pytest.mark.parametrize("frequency", [0.03, 0.1, 0.17, 0.2, 0.5, 1.3])
+@pytest.mark.parametrize("shape", ["square", "sine", "a quarter of the time", "offset sine"])
+def test_tracked_frequency_is_the_fundamental_whatever_the_shape(estimate, frequency, shape):
+    """A sample period is the resolution of a reversal; smoothed over 30 s it is 1 % at worst."""
+    phase = frequency * PERIOD * np.arange(4000)
+    current = {
+        "square": np.where(phase % 1 < 0.5, 0.9, -0.9), "sine": 0.9 * np.sin(2 * np.pi * phase),
+        "a quarter of the time": np.where(phase % 1 < 0.25, 1.2, 0.0), "offset sine": 1 + np.sin(2 * np.pi * phase),
+    }[shape]  # fmt: skip
+    found = estimate(current, measured(current), excitation_timeout=40.0)["tracked_angular_frequency"]
+    assert found[2000:] == pytest.approx(2 * np.pi * frequency, rel=0.01)
+
+
+def test_tracked_frequency_follows_a_change_and_is_held_while_the_current_rests(estimate):
+    """From 0.2 Hz to 0.1 Hz: the period is a low-pass of 30 s; a rest in between does not count as a period."""
+    slow = square(300.0, frequency=0.1)
+    current = np.concatenate([square(200.0), slow, np.zeros(2000), slow])
+    period = 2 * np.pi / estimate(current, measured(current))["tracked_angular_frequency"]
+    assert period[1999] == pytest.approx(5.0, rel=1e-9)
+    left = math.exp(-5.0 / 30.0)
+    n = np.arange(1, 60)  # half periods of 5 s since the change; the first follows one of 2.5 s
+    assert period[2000 + 50 * n] == pytest.approx(10.0 - (2.5 + 2.5 * left) * left ** (n - 1), rel=1e-9)
+    assert np.ptp(period[5060:7000]) == 0.0
+    assert period[4999:] == pytest.approx(10.0, rel=1e-3)
+
+
+def test_impedance_at_the_tracked_frequency_is_compared_with_the_reference_there(estimate):
+    """Constant circuit, other frequency: another impedance, no change of it; a stored magnitude would derate."""
+    current = np.concatenate([square(400.0, frequency=0.1), square(600.0, frequency=0.4)])
+    found = estimate(current, measured(current), track_frequency=1.0)
+    before, after = (impedance(R1, R2, C, 2 * np.pi * f) for f in (0.1, 0.4))
+    assert found["impedance"][3999] == pytest.approx(before, rel=1e-4)
+    assert found["impedance"][-1] == pytest.approx(after, rel=1e-4)
+    assert before / after - 1 == pytest.approx(0.57, abs=0.005)  # as the README says
+    assert np.abs(found["impedance_change"]).max() < 1e-4
+    back = estimate(current[::-1], measured(current[::-1]), track_frequency=1.0)
+    assert np.abs(back["impedance_change"]).max() < 1e-4
+    assert np.all(back["voltage_limit"] == 1.5), "the impedance rose by half, the actuator is as it was"
+    fixed = estimate(current, measured(current))
+    assert fixed["impedance"][1200:] == pytest.approx(impedance(R1, R2, C), rel=1e-4)
+
+
+def test_impedance_change_at_the_tracked_frequency_is_that_of_the_circuit(estimate):
+    """The current slows down while R1 doubles: the change is that of the true circuits at the tracked frequency."""
+    parts = square(400.0, frequency=0.4), square(4000.0, frequency=0.1)
+    current = np.concatenate(parts)
+    rise = np.concatenate([np.ones(4000), np.full(40000, 2.0)])
+    charge, voltage = 0.0, np.empty_like(current)
+    for k, (r, i) in enumerate(zip((R1 * rise).tolist(), current.tolist(), strict=True)):
+        voltage[k] = R2 * (r * i + charge / C) / (r + R2)
+        charge = R2 * C * i + (charge - R2 * C * i) * math.exp(-PERIOD / ((r + R2) * C))
+    found = estimate(current, voltage, track_frequency=1.0, forgetting_time=300.0)
+    omega = 0.2 * math.pi
+    expected = impedance(2 * R1, R2, C, omega) / impedance(R1, R2, C, omega) - 1
+    assert found["impedance_change"][-1] == pytest.approx(expected, rel=1e-3)
+    assert found["derating_steps"][-1] == expected // 0.05
+
+
+def test_a_sine_determines_the_impedance_at_its_own_frequency_only(estimate):
+    """Two numbers, amplitude and phase, for three parameters: the README says how far off the rest is."""
+    current = 0.9 * np.sin(2 * np.pi * 0.3 * PERIOD * np.arange(36000))
+    voltage = measured(current, 5e-3, seed=1)
+    for tracked, omega, least, most in ((1.0, 0.6 * math.pi, 0.0, 0.04), (0.0, OMEGA, 0.3, 0.36)):
+        found = estimate(current, voltage, track_frequency=tracked)
+        error = found["impedance"] / impedance(R1, R2, C, omega) - 1
+        assert least <= np.abs(error[found["estimate_valid"] > 0.5]).max() < most
+
+
+def test_dips_of_the_protection_are_no_reversals_if_the_swing_says_so(estimate):
+    current = square(600.0, amplitude=1.3, frequency=0.1)
+    current[np.arange(6000) % 50 // 5 == 6] = 0.0
+    voltage = measured(current)
+    swings = {"minimum_swing": 2.0, "turning_current_start": -1.3}
+    aware, naive = (estimate(current, voltage, **o)["tracked_angular_frequency"][-1] for o in (swings, {}))
+    assert aware == pytest.approx(0.2 * math.pi, rel=1e-9)
+    assert naive > 1.5 * aware
+
+
 def test_valid_needs_time_and_reversals(estimate):
     current = square(60.0)
     voltage = measured(current)
@@ -320,7 +418,8 @@ def test_any_parameters_and_inputs_leave_finite_numbers(compiled, data):
             continue
         parameters[p.name] = data.draw(st.sampled_from([p.min, p.max, p.start]), label=p.name) if p.max < 1e20 else 0.0
     parameters |= {
-        name: data.draw(st.sampled_from([0.0, 1.0])) for name in ("instrumental_variable", "zero_order_hold")
+        name: data.draw(st.sampled_from([0.0, 1.0]))
+        for name in ("instrumental_variable", "zero_order_hold", "track_frequency")
     }
     period = parameters["sample_period"]
     rng = np.random.default_rng(data.draw(st.integers(0, 1000)))

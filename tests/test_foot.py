@@ -12,15 +12,15 @@ from scipy.optimize import minimize
 import fmus
 from fmus.foot import model
 from fmus.foot.model import Foot, FootDynamic
-from fmus.kit.errors import UserError
 from fmus.kit.integrate import Integrator
 from fmus.kit.trace import trace
-from orchestration.fmu import Fmu
 from tests import hosts
+from tests.contract.raw import ERROR, instance
 
 ACTUATORS, JOINTS = ("an", "po", "do", "pl"), ("ankle", "tm", "mtp")
 RANGES = {"ankle": (-0.7, 0.7), "tm": (-0.26, 0.26), "mtp": (-0.15, 1.05)}
 TOE = ("toe_x", "toe_y")
+OUTPUTS = [o.name for o in Foot.layout.outputs]
 GRAPH = trace(Foot)
 FOLDER = Path(model.__file__).parent
 
@@ -373,8 +373,77 @@ def test_builds_agree(fmu, name):
         assert np.abs(python[signal] - native[signal]).max() <= 1e-9 * np.abs(native[signal]).max(), signal
 
 
+# --- ranges -----------------------------------------------------------------------------------------------------------
+
+GEOMETRY = {p.name: p for p in Foot.layout.parameters if p.source == "thesis table 5-1"}
+
+
+def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
+    """The sign of an arm is that of a sum linear in length and radius: their ends suffice. Angles in steps of 1 deg."""
+    span = {name: np.array([p.min, p.max]) for name, p in GEOMETRY.items()}
+    beta, gamma = np.linspace(*span["beta_po"], 24), np.linspace(*span["gamma_po"], 18)
+    grid = np.meshgrid(span["l_po"], span["r_po"], beta, gamma, np.linspace(*RANGES["ankle"], 81))
+    foot = Foot(**dict(zip(("l_po", "r_po", "beta_po", "gamma_po", "ankle_angle"), grid, strict=True)))
+    assert np.min(foot.po_arm()) > math.radians(1.0) * span["r_po"][1], "more than an arm changes in a step"
+    assert span["r_pl"][0] > 0.0
+    # the toe's two columns of J are l1 l3 sin(a3 - a1) + l2 l3 sin(a3 - a2) apart, both angles between 0 and pi
+    last = span["beta_p"] + RANGES["mtp"]
+    both = last + span["beta_df"] + RANGES["tm"]
+    assert last[0] >= 0.0
+    assert both[0] > 0.0
+    assert max(last[1], both[1]) < math.pi
+    assert span["l1"][0] * span["l3"][0] * min(np.sin(both)) > 1e-4, "far above what counts as locked"
+    # an actuator has a length in any posture, because its origin is farther from the joint than its attachment is
+    smallest = {a: max(span[f"beta_{a}"][0] - span[f"gamma_{a}"][1], 0.0) for a in ("an", "po")}
+    for a, angle in (smallest | {"do": span["gamma_do"][0]}).items():
+        assert span[f"l_{a}"][0] > 2.0 * span[f"r_{a}"][1] * math.cos(angle)
+
+
 @pytest.mark.parametrize("name", ["foot", "foot_dynamic"])
 def test_geometry_that_could_be_singular_is_refused(fmu, name, runtime):
-    with Fmu(fmu(name, runtime), {"l_po": 0.0834}) as instance, pytest.raises(UserError) as refusal:
-        instance.start(0.0, 1.0)
-    assert "parameter 'l_po' = 0.0834 m is outside its range [0.085, 0.12] m" in str(refusal.value)
+    """Each parameter of the geometry, just beyond either end of its range, by name and with the range."""
+    with instance(fmu(name, runtime)) as one:
+        for p in GEOMETRY.values():
+            for bound, sign in ((p.min, -1), (p.max, 1)):
+                one.messages.clear()
+                one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
+                one.set({p.name: bound + sign * 1e-4})
+                one.do("fmi2EnterInitializationMode")
+                assert one.call("fmi2ExitInitializationMode") == ERROR
+                assert f"parameter '{p.name}' = {bound + sign * 1e-4:g}" in one.messages[0]
+                assert f"is outside its range [{p.min:g}, {p.max:g}]" in one.messages[0]
+                one.do("fmi2Reset")
+
+
+BEYOND = [
+    {"ankle_angle": 0.72}, {"ankle_angle": -2.5, "tm_angle": 1.0}, {"mtp_angle": 3.0}, {"mtp_angle": -2.0},
+    {"ankle_angle": 1e300, "tm_angle": -1e300, "mtp_angle": 1e300},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("posture", BEYOND)
+def test_beyond_the_joints_ranges_the_same_equations_hold(fmu, runtime, posture):
+    with instance(fmu("foot", runtime)) as one:
+        one.initialize()
+        one.set(posture)
+        one.step(0.01)
+        found = dict(zip(OUTPUTS, one.get(*OUTPUTS), strict=True))
+    assert all(math.isfinite(value) for value in found.values())
+    if max(map(abs, posture.values())) < 10.0:
+        ankle, tm, mtp = (posture.get(f"{joint}_angle", 0.0) for joint in JOINTS)
+        toe = toe_at(ankle, tm, mtp)
+        assert [found["toe_x"], found["toe_y"]] == pytest.approx([toe.real, toe.imag], rel=1e-12, abs=1e-15)
+        assert [found[f"{a}_length"] for a in ACTUATORS] == pytest.approx(lengths_at(ankle, mtp), rel=1e-12)
+
+
+def test_a_straight_foot_is_locked_and_its_damping_large_but_a_number(fmu, runtime):
+    """All links in a line, far beyond the ranges: no joint can move the toe along the line."""
+    with instance(fmu("foot", runtime)) as one:
+        one.initialize()
+        dampings = []
+        for off in (1e-3, 1e-4, 0.0):
+            one.set({"tm_angle": -math.radians(30.9), "mtp_angle": off - math.radians(10.1)})
+            one.step(0.01)
+            dampings.append(max(map(abs, one.get("toe_damping_xx", "toe_damping_xy", "toe_damping_yy"))))
+    assert dampings[1] == pytest.approx(100.0 * dampings[0], rel=0.05), "one over the square of the distance"
+    assert 1e3 * dampings[1] < dampings[2] < 1e30

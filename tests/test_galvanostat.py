@@ -217,6 +217,55 @@ def test_compliance_doubles_the_current_per_sample_when_it_lets_go():
     assert found["current"] == pytest.approx(1.3 * np.minimum(0.01 * 2.0 ** np.arange(10), 1.0), rel=1e-12)
 
 
+# --- wind-up of a controller outside --------------------------------------------------------------------------------
+
+
+def charge_loop(model, frozen, reference, stop, initial=0.0, limit=lambda t: LIMIT):
+    """PI control of the charge through the galvanostat, the circuit in closed form: rows of charge, sum, recovering."""
+    integrator, period, tau, charge = Integrator(model), 0.01, (R1 + R2) * C, initial
+    total, rows = initial / (R2 * C), []  # at rest the current leaks through R2
+    for k in range(round(stop / period)):
+        error = reference - charge
+        if not (frozen and (model.recovering() or model.saturated())):
+            total += 1.0 * period * error
+        model.current_command, model.voltage_limit = 2.0 * error + total, limit(k * period)
+        model.voltage = R1 * (R2 * model.current() - charge / C) / (R1 + R2) + charge / C
+        integrator.advance(k * period, period)
+        rest = R2 * C * model.current()
+        charge = rest + (charge - rest) * math.exp(-period / tau)
+        rows.append((charge, total, model.recovering()))
+    return np.array(rows, dtype=float).T
+
+
+def test_an_integrator_outside_winds_up_unless_it_is_frozen():
+    """The numbers of the README: 2 C are wanted, the protection acts beyond 0.9 V."""
+    figures = {}
+    for frozen in (True, False):
+        charge, total, recovering = charge_loop(Galvanostat(), frozen, 2.0, 30.0, limit=lambda t: 0.9)
+        began = np.count_nonzero(np.diff(recovering, prepend=0.0) > 0.0)
+        settled = 0.01 * (1 + np.max(np.flatnonzero(np.abs(charge / 2.0 - 1.0) > 0.02)))
+        figures[frozen] = charge.max(), total.max(), began, settled
+    assert figures[True] == pytest.approx((2.02, 0.38, 0, 2.8), abs=0.05)
+    assert figures[False][:3] == pytest.approx((1.37, 21.1, 49), rel=0.01)
+    assert figures[False][3] >= 30.0, "never settles"
+
+
+def test_a_controller_frozen_in_recovery_overshoots_less():
+    """One recovery of 2 s at rest, begun by a limit that is low for one sample."""
+    overshoot = {}
+    for frozen in (True, False):
+        charge, _, recovering = charge_loop(
+            Galvanostat(recovery_time=2.0), frozen, 1.5, 30.0, 1.5, limit=lambda t: 0.1 if 4.995 < t < 5.005 else 15.0
+        )
+        assert np.count_nonzero(recovering) == 200
+        assert charge[:500] == pytest.approx(1.5, rel=0.01)
+        assert charge.min() == pytest.approx(1.5 * math.exp(-2.0 / ((R1 + R2) * C)), rel=1e-6)
+        assert charge[-1] == pytest.approx(1.5, rel=0.01)
+        overshoot[frozen] = charge.max() / 1.5 - 1.0
+    assert overshoot[True] == pytest.approx(0.03, abs=0.005)
+    assert overshoot[False] == pytest.approx(0.10, abs=0.005)
+
+
 # --- response ---------------------------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from ..kit import UserError, sin
-from .model import FootGeometry
+from .kinematics import FootKinematics
 
 ACTUATORS = ("an", "po", "do", "pl")
 _AMPLITUDE = 1e-3  # m
@@ -34,17 +34,17 @@ def length_changes(time: Any) -> dict[str, Any]:
     return {"an": -wave, "po": wave, "do": -wave - _AMPLITUDE, "pl": wave + _AMPLITUDE}
 
 
-def lengths(time: Any, foot: FootGeometry) -> dict[str, Any]:
+def lengths(time: Any, foot: FootKinematics) -> dict[str, Any]:
     """Length of each actuator in the stance phase, in metres; see :func:`length_changes`."""
     return {a: foot.scale * getattr(foot, f"l_{a}") + change for a, change in length_changes(time).items()}
 
 
-def joint_angle(foot: FootGeometry, actuator: str, length: float) -> float:
+def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
     """Angle of an actuator's joint at which it has a given length.
 
     Parameters
     ----------
-    foot : FootGeometry
+    foot : FootKinematics
         For its geometry; its posture does not matter.
     actuator : {"an", "po", "do", "pl"}
     length : float

@@ -1,8 +1,8 @@
 """Eqs. 5.11 and 5.12 as printed: the thesis's own M-file (appendix A4), its slips included.
 
-This is a reproduction, not the foot: see ``docs/errata.md``, rows 12 and 13, and ``model.py`` for what holds. It works
-in inches; what makes it depend on the unit is the 0.0001 that keeps the plantar actuator's square root from being zero,
-and 0.001 as a token coupling to the tarsal-metatarsal joint.
+This is a reproduction, not the foot: see ``docs/errata.md``, rows 12 and 13, and ``statics.py`` for what holds. It
+works in inches; what makes it depend on the unit is the 0.0001 that keeps the plantar actuator's square root from being
+zero, and 0.001 as a token coupling to the tarsal-metatarsal joint.
 """
 
 from __future__ import annotations

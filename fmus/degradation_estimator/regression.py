@@ -1,0 +1,211 @@
+"""Recursive estimate of ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6), by least squares or with an instrument.
+
+Noise in ``v(t-1)`` biases least squares (``docs/errata.md``, row 9). An instrumental variable does without: an
+auxiliary model, which follows the estimate, tells from the current alone what the voltage would be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..kit import Discrete, Parameter, clip, exp, log, logical_and, logical_not, logical_or, maximum, where
+from . import recursion
+from .excitation import Excitation
+from .recursion import Matrix, Vector
+
+# Fastest forgetting; below it a single sample would be all that counts.
+_LEAST_FORGETTING = 0.01
+_SLOWEST_POLE = 0.9999
+# Counted times are sums of rounded periods.
+ROUNDING = 1e-6
+_PLACES = [(row, column) for row in range(3) for column in range(3)]
+
+
+def _number(doc: str, law: str) -> Any:
+    """Discrete state without a unit."""
+    return Discrete("1", update=law, period="sample_period", doc=doc)
+
+
+def _next_element(row: int, column: int) -> Callable[[Any], Any]:
+    """Law of an element of the covariance matrix."""
+
+    def law(self: Any) -> Any:
+        return self.next_covariance(row, column)
+
+    law.__doc__ = f"Element {row + 1}, {column + 1} of :meth:`next_covariance`."
+    return law
+
+
+class Regression(Excitation):
+    """Estimate of ``b0``, ``b1`` and ``a`` while there is excitation."""
+
+    forgetting_time = Parameter(
+        600.0, "s", min=0.1, max=1e7, doc="age at which a sample has the remaining weight (T_f, eq. 4.11)"
+    )
+    remaining_weight = Parameter(
+        0.1, "1", min=1e-6, max=0.999, display="%", doc="weight of a sample of that age (epsilon, eq. 4.11)"
+    )
+    initial_covariance = Parameter(
+        1e4, "1", min=1e-6, max=1e9, nominal=1e4, doc="diagonal of the covariance matrix at the start and after a reset"
+    )
+    reset_interval = Parameter(
+        0.0, "s", min=0, max=1e7, doc="excited time between resets of the covariance matrix; 0 is never"
+    )
+    maximum_trace = Parameter(
+        3e4, "1", min=1e-6, max=1e15, nominal=1e4, doc="largest trace of the covariance matrix, which is scaled down"
+    )
+    instrumental_variable = Parameter(
+        True, "1", type="boolean", doc="instrumental variable, without bias from noise; false is plain least squares"
+    )
+    least_squares_time = Parameter(
+        60.0, "s", min=0, max=1e6, doc="excited time at the start with least squares, before there is an instrument"
+    )
+    instrument_time = Parameter(
+        30.0, "s", min=0.1, max=1e6, doc="time constant with which the auxiliary model follows the estimate"
+    )
+
+    b0 = Discrete("ohm", update="next_b0", period="sample_period", doc="estimate of the gain of the current")
+    b1 = Discrete("ohm", update="next_b1", period="sample_period", doc="estimate of the gain of the current before")
+    a = _number("estimate of the gain of the voltage before, negative", "next_a")
+    p11, p12, p13, p21, p22, p23, p31, p32, p33 = (
+        _number(f"covariance matrix, row {row + 1}, column {column + 1}", f"next_p{row + 1}{column + 1}")
+        for row, column in _PLACES
+    )
+    time_since_reset = Discrete(
+        "s", update="next_time_since_reset", period="sample_period", min=0, doc="time since the latest covariance reset"
+    )
+    auxiliary_b0 = Discrete("ohm", update="next_auxiliary_b0", period="sample_period", doc="b0 of the auxiliary model")
+    auxiliary_b1 = Discrete("ohm", update="next_auxiliary_b1", period="sample_period", doc="b1 of the auxiliary model")
+    auxiliary_a = _number("a of the auxiliary model", "next_auxiliary_a")
+    filtered_current = Discrete(
+        "A", update="next_filtered_current", period="sample_period", doc="current through the auxiliary model's pole"
+    )
+    filtered_voltage = Discrete(
+        "V", update="next_filtered_voltage", period="sample_period", doc="voltage through the auxiliary model's pole"
+    )
+    instrument = Discrete(
+        "V", update="next_instrument", period="sample_period", doc="filtered voltage of the auxiliary model, noise-free"
+    )
+
+    # --- regressor and instrument -----------------------------------------------------------------------------------
+
+    def with_instrument(self) -> Any:
+        """Whether this sample is taken with the instrument."""
+        late = self.excited_time >= self.least_squares_time - ROUNDING * self.sample_period
+        return logical_and(self.instrumental_variable, late)
+
+    def auxiliary_pole(self) -> Any:
+        """Pole of the auxiliary model, kept stable."""
+        return clip(-self.auxiliary_a, 0.0, _SLOWEST_POLE)
+
+    def next_filtered_current(self) -> Any:
+        """Current filtered by ``1 / (1 + a z^-1)`` of the auxiliary model, which whitens noise on the voltage."""
+        return self.measured_current() + self.auxiliary_pole() * self.filtered_current
+
+    def next_filtered_voltage(self) -> Any:
+        """Voltage filtered in the same way."""
+        return self.measured_voltage() + self.auxiliary_pole() * self.filtered_voltage
+
+    def next_instrument(self) -> Any:
+        """Voltage of the auxiliary model from the filtered current alone: free of noise."""
+        driven = self.auxiliary_b0 * self.next_filtered_current() + self.auxiliary_b1 * self.filtered_current
+        return driven + self.auxiliary_pole() * self.instrument
+
+    def regression(self) -> tuple[Vector, Vector, Any]:
+        """Data vector of eq. 4.6, ``[i(t), i(t-1), -v(t-1)]``, its instrument, and the voltage to explain.
+
+        With the instrument all are filtered, and the auxiliary model's voltage stands in it for the measured one; in
+        least squares it is the data vector itself.
+        """
+        late = self.with_instrument()
+        before = where(late, self.filtered_current, self.last_current)
+        now = where(late, self.next_filtered_current(), self.measured_current())
+        old = where(late, self.filtered_voltage, self.last_voltage)
+        clean = where(late, self.instrument, self.last_voltage)
+        wanted = where(late, self.next_filtered_voltage(), self.measured_voltage())
+        return (now, before, -old), (now, before, -clean), wanted
+
+    # --- estimate ---------------------------------------------------------------------------------------------------
+
+    def forgetting_factor(self) -> Any:
+        """Forgetting factor of eq. 4.11, ``epsilon^(T_s / T_f)`` with the weight as a fraction; at least 0.01."""
+        return maximum(exp(log(self.remaining_weight) * self.sample_period / self.forgetting_time), _LEAST_FORGETTING)
+
+    def covariance(self) -> Matrix:
+        """Covariance matrix before this sample."""
+        return self.p11, self.p12, self.p13, self.p21, self.p22, self.p23, self.p31, self.p32, self.p33
+
+    def gain(self, phi: Vector, zeta: Vector) -> Vector:
+        """Gain of this sample (eq. 4.7 with errata 6); zero without excitation."""
+        x, y, z = recursion.gain(self.covariance(), phi, zeta, self.forgetting_factor())
+        used = self.excited()
+        return where(used, x, 0.0), where(used, y, 0.0), where(used, z, 0.0)
+
+    def estimate(self) -> Vector:
+        """Estimate after this sample (eq. 4.7)."""
+        before = self.b0, self.b1, self.a
+        phi, zeta, wanted = self.regression()
+        return recursion.corrected(before, self.gain(phi, zeta), wanted - recursion.dot(phi, before))
+
+    def next_b0(self) -> Any:
+        """First element of :meth:`estimate`."""
+        return self.estimate()[0]
+
+    def next_b1(self) -> Any:
+        """Second element of :meth:`estimate`."""
+        return self.estimate()[1]
+
+    def next_a(self) -> Any:
+        """Third element of :meth:`estimate`."""
+        return self.estimate()[2]
+
+    def auxiliary_share(self) -> Any:
+        """Share of the new estimate in the auxiliary model: all of it at first, then a low-pass; none when frozen."""
+        slow = 1.0 - exp(-self.sample_period / self.instrument_time)
+        return where(self.excited(), where(self.with_instrument(), slow, 1.0), 0.0)
+
+    def next_auxiliary_b0(self) -> Any:
+        """``b0`` of the auxiliary model follows the estimate."""
+        return self.auxiliary_b0 + self.auxiliary_share() * (self.next_b0() - self.auxiliary_b0)
+
+    def next_auxiliary_b1(self) -> Any:
+        """``b1`` of the auxiliary model follows the estimate."""
+        return self.auxiliary_b1 + self.auxiliary_share() * (self.next_b1() - self.auxiliary_b1)
+
+    def next_auxiliary_a(self) -> Any:
+        """``a`` of the auxiliary model follows the estimate."""
+        return self.auxiliary_a + self.auxiliary_share() * (self.next_a() - self.auxiliary_a)
+
+    # --- covariance matrix ------------------------------------------------------------------------------------------
+
+    def reset_due(self) -> Any:
+        """Whether the covariance matrix is reset after this sample (section 4.1.1)."""
+        full = self.time_since_reset + self.sample_period >= self.reset_interval - ROUNDING * self.sample_period
+        return logical_and(self.reset_interval > 0.0, full)
+
+    def next_time_since_reset(self) -> Any:
+        """Time since the latest reset, while estimating."""
+        counted = where(self.reset_due(), 0.0, self.time_since_reset + self.sample_period)
+        return where(self.excited(), counted, self.time_since_reset)
+
+    def next_covariance(self, row: int, column: int) -> Any:
+        """Element of the covariance matrix after this sample (eq. 4.9 with errata 6), reset or bounded.
+
+        It is kept without excitation, and put at its start before anything was estimated.
+        """
+        before, forgetting = self.covariance(), self.forgetting_factor()
+        phi, zeta, _ = self.regression()
+        gain = self.gain(phi, zeta)
+        carried = recursion.transposed_times(before, phi)
+        total = (recursion.trace(before) - recursion.dot(gain, carried)) / forgetting
+        old = before[3 * row + column]
+        new = (old - gain[row] * carried[column]) / forgetting * recursion.bound(total, self.maximum_trace)
+        initial = self.initial_covariance if row == column else 0.0
+        fresh = logical_or(self.reset_due(), logical_not(total > 0.0))
+        kept = where(self.excited_time > 0.0, old, initial)
+        return where(self.excited(), where(fresh, initial, new), kept)
+
+    next_p11, next_p12, next_p13, next_p21, next_p22, next_p23, next_p31, next_p32, next_p33 = (
+        _next_element(*place) for place in _PLACES
+    )
