@@ -155,6 +155,16 @@ def demo(
     work.run(out)
 
 
+@app.command()
+def thesis(
+    out: Annotated[Path, typer.Option(metavar="FOLDER_OR_HTML", help="Where the page goes.")] = Path("thesis.html"),
+) -> None:
+    """Recompute the thesis: every table and simulated figure, what holds, what does not and why."""
+    from orchestration.thesis import page as work
+
+    work.run(out)
+
+
 def main() -> None:
     """Run the command line; every failure is one line on standard error and exit code 2."""
     code: object = 0

@@ -32,7 +32,6 @@ class FootDynamic(FootStatics):
 
     name = "foot_dynamic"
     experiment = (1.0, 0.01)
-    tolerance = 1e-10
 
     ankle_inertia = _inertia(1e-3, "ankle")
     tm_inertia = _inertia(5e-4, "tarsal-metatarsal joint")

@@ -1,0 +1,293 @@
+"""Chapters 1 and 3, the actuator: its strain, its equations, its creep, and the programs of appendix A2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from math import pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.galvanostat.model import Galvanostat
+from fmus.kit.integrate import Integrator
+from fmus.kit.trace import trace
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration import pictures, stimuli
+
+from .claim import Claim, Erratum, Finding, Illustration
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+MODEL = {p.name: float(p.start) for p in PpyActuator.layout.parameters}
+CURRENT_LIMIT = next(float(p.start) for p in Galvanostat.layout.parameters if p.name == "current_limit")
+_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+
+
+def findings() -> Iterator[Finding]:
+    """Everything chapters 1 and 3 let one recompute."""
+    for part in (_speed, _equations, _scripts, _search, _creep):
+        yield from part()
+
+
+def run(time: Array, inputs: Mapping[str, Array], **parameters: Any) -> dict[str, Array]:
+    """Run the actuator of chapter 3, inputs held between the times.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    inputs : Mapping[str, ndarray]
+        Values (n,) by name, SI.
+    **parameters
+        Values that replace defaults, SI.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Outputs and states.
+    """
+    model = PpyActuator(**parameters)
+    integrator = Integrator(model)
+    names = [v.name for v in model.layout.outputs]
+    states = [v.name for v in model.layout.states]
+    rows = []
+    for k, now in enumerate(time):
+        for name, values in inputs.items():
+            setattr(model, name, float(values[k]))
+        rows.append([*map(float, model.outputs()), *(float(getattr(model, s)) for s in states)])
+        if k + 1 < len(time):
+            integrator.advance(float(now), float(time[k + 1] - now))
+    return dict(zip(names + states, np.array(rows).T, strict=True))
+
+
+# --- chapter 1 and the strain -----------------------------------------------------------------------------------------
+
+
+def _speed() -> Iterator[Finding]:
+    yield Claim("section 1.2", "stress of PPy over that of muscle", ">10", 5.0 / 0.1, "", "5 MPa over 0.1 MPa")
+    length = 93.2e-3  # m, the shortest actuator of table 5-1
+    share = MODEL["R2"] / (MODEL["R1"] + MODEL["R2"])
+    rate = 100.0 * MODEL["alpha"] * CURRENT_LIMIT * share / length
+    about = f"fastest with alpha {1e3 * MODEL['alpha']:g} mm/C and {CURRENT_LIMIT:g} A, shortest actuator of table 5-1"
+    yield Claim("table 1-1", "strain rate of PPy", "1", rate, "%/s", f"literature; {about}")
+    speed = Claim("section 1.2", "strain rate of the 12-layer actuator", "0.5", rate, "%/s", about, erratum=30)
+    yield speed
+    alpha, used = 1e3 * MODEL["alpha"], 5.0  # mm/C
+    ratio = Claim(
+        "section 5.4.2", "how often 5 mm/C holds the alpha of fig. 3-10", "7 to 10", used / alpha, "",
+        f"7 to 10 would need {used / 10:.2g} to {used / 7:.2g} mm/C", erratum=30,
+    )  # fmt: skip
+    yield ratio
+    yield Erratum(
+        30, "section 5.4.2 against fig. 3-10",
+        f"{used:g} mm/C is {ratio.published} times what actuators can do; strain rate {speed.published} %/s "
+        "(section 1.2)",
+        f"it is {ratio.reproduced:.0f} times the {alpha:g} mm/C of chapter 3, with which {CURRENT_LIMIT:g} A give "
+        f"{rate:.2f} %/s at most. Both statements want a larger α, "
+        f"{float(speed.published) / rate:.0f} to {used / alpha / 7:.0f} times; the data are lost",
+        "test_thesis_actuator",
+    )  # fmt: skip
+
+
+# --- equations 3.5 to 3.9 ---------------------------------------------------------------------------------------------
+
+
+def _equations() -> Iterator[Finding]:
+    a, b, c, d = trace(PpyActuator).linearise()
+    s = 1j * np.logspace(-4, 3, 50)
+    response = np.array([c @ np.linalg.solve(x * np.eye(len(a)) - a, b) + d for x in s])
+    rows = [v.name for v in PpyActuator.layout.outputs]
+    columns = [v.name for v in PpyActuator.layout.inputs]
+    r1, r2, cap, k1, b1, k2, b2 = (MODEL[n] for n in ("R1", "R2", "C", "k1", "b1", "k2", "b2"))
+    slow = (r1 + r2) * cap * s + 1.0
+    numerator = b2 / k1 * s**2 + (1.0 + k2 / k1 + b2 / b1) * s + k2 / b1
+    for equation, output, given, printed in (
+        ("eq. 3.6", "electrochemical_displacement", "current", MODEL["alpha"] * r2 * cap / slow),
+        ("eq. 3.7", "mechanical_displacement", "force", numerator / (s * (k2 + b2 * s))),
+        ("eq. 3.9", "voltage", "current", (r1 * r2 * cap * s + r2) / slow),
+    ):
+        found = response[:, rows.index(output), columns.index(given)]
+        same = bool(np.allclose(found, printed, rtol=1e-9, atol=0.0))
+        yield Claim(
+            f"eq. 3.5, {equation}", f"{output.replace('_', ' ')} from {given}", "equal",
+            "equal" if same else "different",
+        )  # fmt: skip
+
+
+# --- programs and creep -----------------------------------------------------------------------------------------------
+
+
+def _scripts() -> Iterator[Finding]:
+    k2, b2, k1, b1 = 3190.0, 0.76, 1.0, 0.02  # appendix A2, first program
+    s = 1j * np.logspace(-2, 4, 50)
+    program = (b1 * b2 * s**2 + (k2 * b2 + k1 * b2 + k2 * b1) * s + k1 * k2) / (b1 * b2 * k2 * s**2 + k1 * k2 * b2 * s)
+
+    def is_program(k1: float, b1: float, k2: float, b2: float) -> bool:
+        return bool(np.allclose(1.0 / k1 + 1.0 / (b1 * s) + 1.0 / (k2 + b2 * s), program, rtol=1e-9))
+
+    kelvin = "2" if is_program(k1, b1, k2, b2) else "1" if is_program(k2, b2, k1, b1) else "none"
+    yield Claim(
+        "appendix A2 against eq. 3.7", "index of the Kelvin element", "2", kelvin,
+        reason="the program has the indices of spring-dashpot pairs exchanged", erratum=24,
+    )  # fmt: skip
+    yield Erratum(
+        24, "appendix A2 against eq. 3.7", "k1, b1 are the Maxwell element, k2, b2 the Kelvin element",
+        f"the program's transfer function is eq. 3.7 with the indices exchanged: index {kelvin} is the Kelvin element; "
+        "A4's is eq. 3.7 itself", "test_thesis_actuator",
+    )  # fmt: skip
+    r1, r2, c = MODEL["R1"], MODEL["R2"], MODEL["C"]
+    shown = (r2 - r1 * r2 / (r1 + r2)) / ((r1 + r2) * c)
+    start = Claim(
+        "appendix A2", "voltage at the start per V(1) - 0.2", "1", shown, "V/V",
+        "lsim takes a state of tf2ss, which is no voltage", erratum=25,
+    )  # fmt: skip
+    yield start
+    yield Erratum(
+        25, "appendix A2", "`lsim(sys,I,t,V(1)-0.2)`: the simulation starts at the first voltage less 0.2 V",
+        f"it starts at {shown:.3f} of that (table 3-1): the state of `tf2ss` is no voltage",
+        "test_thesis_actuator",
+    )  # fmt: skip
+
+
+def search(stiffness: float, damping: float) -> tuple[float, float]:
+    """Carry out the search that appendix A4 has in comments, on a creep record without error.
+
+    Parameters
+    ----------
+    stiffness, damping : float
+        k1 in N/m and b1 in N s/m of the record, 1 N for 500 s; k2 and b2 are the program's.
+
+    Returns
+    -------
+    tuple of float
+        k1 and b1 that it keeps.
+    """
+    k2, b2 = 20000.0, 1.6e6
+    time = np.linspace(0.0, 500.0, 101)
+
+    def creep(k1: float, b1: float) -> Array:
+        return 1.0 / k1 + time / b1 + (1.0 - np.exp(-k2 / b2 * time)) / k2
+
+    before, kept = 500.0, (0.0, 0.0)
+    for k1 in np.arange(50.0, 5001.0, 100.0):
+        for b1 in 1.5e6 + 0.1e6 * np.arange(4):
+            error = float(np.linalg.norm((1e3 * (creep(k1, b1) - creep(stiffness, damping))) ** 2))
+            if error < before:
+                kept = float(k1), float(b1)
+            before = error  # every time, not only when it is the least
+    return kept
+
+
+def _search() -> Iterator[Finding]:
+    stiffness, damping = 2550.0, 1.6e6
+    found = search(stiffness, damping)
+    k1 = Claim(
+        "appendix A4, in comments", f"k1 found of a record with {stiffness:g} N/m", f"{stiffness:g}", found[0], "N/m",
+        "each error is compared with the one before it, not with the least so far", erratum=42,
+    )  # fmt: skip
+    yield k1
+    yield Erratum(
+        42, "appendix A4, in comments", "a search for the parameters of least error",
+        "it keeps the last that improved on the one before: of a record without error with k1 = "
+        f"{stiffness:.0f} N/m it returns {found[0]:.0f} N/m, the end of its range; k1 of neither fig. 3-9 nor fig. 5-7 "
+        "is within that range", "test_thesis_actuator",
+    )  # fmt: skip
+
+
+def _creep() -> Iterator[Finding]:
+    load, shown = 2.75, "0.4"  # N; mm, as fig. 3-9 plots it
+    k1 = MODEL["k1"]
+    figure = "fig. 3-9, section 3.3.1"
+    printed = Claim(
+        figure, f"elongation of k1 by {load:g} N, in N/mm", shown, load / k1, "mm",
+        "the numbers are in N/m and N s/m", erratum=1,
+    )  # fmt: skip
+    yield printed
+    yield Claim(figure, f"elongation of k1 by {load:g} N, in N/m", shown, 1e3 * load / k1, "mm")
+    yield Erratum(
+        1, "section 3.3.1, fig. 3-9",
+        "k1 = 6300 N/mm, b1 = 1.7e6 N·s/mm, k2 = 1.0e4 N/mm, b2 = 2.0e6 N·s/mm",
+        f"N/m and N·s/m: {load:g} N on {k1:.0f} N/mm would stretch the actuator by {1e3 * load / k1:.2f} µm, where the "
+        f"plots show {shown} mm; fig. 5-7 has the same b1 in N·s/m, and A4 multiplies its output by 1000",
+    )  # fmt: skip
+    time, force = staircase()
+    flow = run(time, {"force": force - force.min()})["maxwell_elongation"][-1]
+    yield Claim(
+        "section 3.3.1", "elongation that stays when all is unloaded", "0.2", 1e3 * flow, "mm",
+        "model of fig. 3-9, loads of 30 s every 60 s; the thesis prints no period",
+    )  # fmt: skip
+    yield Claim("section 3.3.2", "1 Hz as an angular frequency", "6.3", 2.0 * pi, "rad/s")
+
+
+def staircase(period: float = 60.0, step: float = 1.0) -> tuple[Array, Array]:
+    """Loads of fig. 3-6 to 3-9, 0.5 to 2.75 N in steps of 0.25 N.
+
+    Parameters
+    ----------
+    period : float
+        Of one load and its removal in s; not printed. Nine of 60 s pass the 500 s that section 5.3.2 speaks of.
+    step : float
+        Of the times, in s.
+
+    Returns
+    -------
+    time, force : ndarray, shape (n,)
+        In s and N.
+    """
+    time = np.arange(0.0, 10.0 * period + step, step)
+    return time, stimuli.force_staircase(time, period)
+
+
+# --- figures ----------------------------------------------------------------------------------------------------------
+
+
+@cache
+def illustrations() -> tuple[Illustration, ...]:
+    """Figs. 3-4, 3-9 and 3-10, from the model."""
+    return (
+        Illustration(
+            "Fig. 3-4: a current square wave",
+            "±0.9 A at 0.2 Hz into the circuit with the means of table 3-1. The voltage jumps with the current, over "
+            "R1 and R2 side by side, then follows the charge; the displacement is proportional to the charge.",
+            _square,
+        ),
+        Illustration(
+            "Fig. 3-9: loads that grow step by step",
+            "Every load stretches the spring k1 at once (dashed), the Kelvin element follows over b2/k2 = "
+            f"{MODEL['b2'] / MODEL['k2']:.0f} s, and the dashpot b1 flows for good: what is left at the end does not "
+            "come back. The period of the loads is chosen, for the thesis does not print it.",
+            _creeping,
+        ),
+    )
+
+
+def _square() -> Figure:
+    time = np.linspace(0.0, 30.0, 1500, endpoint=False)
+    current = stimuli.square_wave(time, 0.9, 0.2)
+    found = run(time, {"current": current})
+    figure, axes = pictures.panels(3, "±0.9 A at 0.2 Hz, 12 layers")
+    for axis, name, unit, values in zip(
+        axes, ("current", "voltage", "displacement"), ("A", "V", "mm"),
+        (current, found["voltage"], 1e3 * found["displacement"]), strict=True,
+    ):  # fmt: skip
+        axis.plot(time, values, color=_BLUE)
+        pictures.label(axis, name, unit)
+    return figure
+
+
+def _creeping() -> Figure:
+    time, force = staircase()
+    found = run(time, {"force": force})
+    figure, (upper, lower) = pictures.panels(2, "Loads from 0.5 N to 2.75 N, 12 layers")
+    upper.step(time, force, where="post", color=_BLUE)
+    lower.plot(time, 1e3 * found["displacement"], color=_BLUE, label="all")
+    lower.step(time, 1e3 * force / MODEL["k1"], where="post", color=_GREY, linestyle="--", label="spring k1")
+    lower.plot(time, 1e3 * found["maxwell_elongation"], color=_RED, label="dashpot b1")
+    lower.legend(fontsize=8)
+    pictures.label(upper, "force", "N")
+    pictures.label(lower, "displacement", "mm")
+    return figure

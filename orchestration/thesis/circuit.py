@@ -1,0 +1,74 @@
+"""The circuit of table 3-1 with a held current: what the thesis's records would have been without noise."""
+
+from __future__ import annotations
+
+from math import exp
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .actuator import MODEL
+
+Array = NDArray[np.float64]
+CIRCUIT = (MODEL["R1"], MODEL["R2"], MODEL["C"])  # ohm, ohm, F
+PERIOD = 0.1  # s, of table 3-1 (errata 21) and appendix A3
+
+
+def held_coefficients(r1: float, r2: float, c: float, period: float) -> tuple[float, float, float]:
+    """Exact b0, b1 and a of eq. 3.10 for a current that is held between samples.
+
+    Parameters
+    ----------
+    r1, r2, c : float
+        In ohm and F.
+    period : float
+        Seconds.
+    """
+    a = -exp(-period / ((r1 + r2) * c))
+    b0 = r1 * r2 / (r1 + r2)
+    return b0, (1.0 + a) * r2 - b0, a
+
+
+def response(current: ArrayLike, r1: ArrayLike = CIRCUIT[0], period: float = PERIOD) -> Array:
+    """Voltage of the circuit for a current that is held between samples, from rest; R1 may change with time.
+
+    Parameters
+    ----------
+    current : array_like, shape (n,)
+        A.
+    r1 : array_like, shape (n,) or ()
+        Ohm.
+    period : float
+        Seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        V.
+    """
+    i = np.asarray(current, dtype=float)
+    resistance = np.broadcast_to(np.asarray(r1, dtype=float), i.shape)
+    _, r2, c = CIRCUIT
+    charge, voltage = 0.0, np.empty_like(i)
+    for k, (r, now) in enumerate(zip(resistance.tolist(), i.tolist(), strict=True)):
+        voltage[k] = r2 * (r * now + charge / c) / (r + r2)
+        charge = r2 * c * now + (charge - r2 * c * now) * exp(-period / ((r + r2) * c))
+    return voltage
+
+
+def settled(current: float, frequency: float, circuit: tuple[float, float, float] | None = None) -> tuple[float, float]:
+    """Largest charge (C) and voltage (V) of the circuit under a square wave that has lasted.
+
+    Parameters
+    ----------
+    current : float
+        Amplitude in A.
+    frequency : float
+        Hz.
+    circuit : tuple of float, optional
+        R1, R2 and C; the model's if left out.
+    """
+    r1, r2, c = circuit or CIRCUIT
+    fade = exp(-0.5 / frequency / ((r1 + r2) * c))
+    charge = r2 * c * current * (1.0 - fade) / (1.0 + fade)
+    return charge, (r1 * (r2 * current - charge / c) / (r1 + r2)) + charge / c

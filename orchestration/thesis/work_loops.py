@@ -1,0 +1,232 @@
+"""Chapter 5, gait and work loops: eqs. 5.13 to 5.17, figs. 5-7 and 5-9."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from math import degrees, pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.foot import gait
+from fmus.foot.model import Foot
+from orchestration import pictures
+
+from .actuator import CURRENT_LIMIT, run, staircase
+from .claim import Claim, Erratum, Finding, Illustration
+from .motor import Maxwell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+STIFFNESS, DAMPING, ALPHA = 9.1, 1700.0, 5.0  # N/mm, N s/mm and mm/C of section 5.4.2
+CURRENT, PRINTED_RATE, PROGRAM_RATE = 1.5, 13.0, 4.1 * pi  # A; rad/s as printed and in appendix A4
+_TEST = "test_thesis_foot"
+_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+
+
+def findings() -> Iterator[Finding]:
+    """Everything that the gait lets one recompute."""
+    for part in (_gait, _force, _loops):
+        yield from part()
+
+
+def _gait() -> Iterator[Finding]:
+    foot = Foot()
+    change = gait.length_changes(0.25)
+    angles = {a: degrees(gait.joint_angle(foot, a, gait.lengths(0.25, foot)[a])) for a in gait.ACTUATORS}
+    yield Claim(
+        "eq. 5.16", "change of the plantar actuator at 0.25 s", f"{1e3 * change['do']:.0f}", 1e3 * change["pl"], "mm",
+        "eq. 5.15 is printed twice; this is appendix A4's", erratum=14,
+    )  # fmt: skip
+    yield Erratum(
+        14, "eq. 5.16", "repeats eq. 5.15",
+        f"the program's plantar length, ℓ_pl,0 + sin(2πt) + 1 mm: {1e3 * change['pl']:.0f} mm longer at 0.25 s, where "
+        f"eq. 5.15 has {1e3 * change['do']:.0f} mm".replace("-", "−"), "test_foot_thesis",
+    )  # fmt: skip
+    for equations, one, other in (("eqs. 5.13 and 5.14", "an", "po"), ("eqs. 5.15 and A4", "do", "pl")):
+        yield Claim(
+            equations, f"joint angle at 0.25 s, {one} against {other}", f"{angles[one]:.1f}", angles[other], "deg",
+            "published: from the one actuator; antagonists of unequal moment arms cannot move alike", erratum=38,
+        )  # fmt: skip
+    yield Erratum(
+        38, "eqs. 5.13 to 5.16", "antagonists whose lengths change alike",
+        f"no motion of a rigid foot: at 0.25 s an asks for {angles['an']:.1f}° of the ankle, po for "
+        f"{angles['po']:.1f}°; "
+        f"do for {angles['do']:.1f}° of the toe, pl for {angles['pl']:.1f}°", _TEST,
+    )  # fmt: skip
+
+
+def _force() -> Iterator[Finding]:
+    k, b = 9100.0, 1.7e6
+    yield Claim("section 5.4.2 against fig. 5-7", "k", "9.1", k * 1e-3, "N/mm")
+    yield Claim("section 5.4.2 against fig. 5-7", "b", "1700", b * 1e-3, "N*s/mm")
+    s = 1j * np.logspace(-4, 2, 30)
+    both = s * k * b / (b * s + k), 1.0 / (1.0 / k + 1.0 / (b * s))
+    same = bool(np.allclose(*both, rtol=1e-12))
+    yield Claim("eq. 5.17", "force over length of fig. 5-6", "equal", "equal" if same else "different")
+
+
+def work_loop(rate: float, current: float = CURRENT, points: int = 20001) -> tuple[Array, Array]:
+    """Length change and force of the anterior actuator over one gait, from rest (fig. 5-9), by eq. 5.17.
+
+    Parameters
+    ----------
+    rate : float
+        Angular frequency of the current in rad/s.
+    current : float
+        Amplitude in A.
+    points : int
+        Number of points.
+
+    Returns
+    -------
+    length, force : ndarray, shape (points,)
+        In mm and N.
+    """
+    # eq. 5.17 in time: dF/dt = k (dl/dt - alpha i) - (k/b) F, solved for each sine
+    t = np.linspace(0.0, 1.0, points)
+    slow, gait_rate = STIFFNESS / DAMPING, 2.0 * pi
+
+    def answer(amplitude: float, omega: float, cosine: bool) -> Array:
+        """Solution of dF/dt = amplitude cos or sin(omega t) - slow F from rest."""
+        scale = amplitude / (slow**2 + omega**2)
+        fade, c, s = np.exp(-slow * t), np.cos(omega * t), np.sin(omega * t)
+        return scale * (slow * c + omega * s - slow * fade if cosine else slow * s - omega * c + omega * fade)
+
+    force = answer(-STIFFNESS * gait_rate, gait_rate, True) - answer(STIFFNESS * ALPHA * current, rate, False)
+    return -np.sin(gait_rate * t), force
+
+
+def energy(length: Array, force: Array) -> float:
+    """Energy that the actuator takes up along a path, in N mm; negative if it gives."""
+    return float(np.trapezoid(force, length))
+
+
+def pushing(force: Array) -> float:
+    """Share of the time, in percent, in which a force is compression."""
+    return 100.0 * float(np.mean(force < 0.0))
+
+
+def _loops() -> Iterator[Finding]:
+    passive, active = work_loop(PROGRAM_RATE, 0.0), work_loop(PROGRAM_RATE)
+    as_printed = work_loop(PRINTED_RATE)
+    taken, given = energy(*passive), energy(*active)
+    low, high = float(active[1].min()), float(active[1].max())
+    yield Claim(
+        "section 5.4.2", "angular frequency of the current, against A4", f"{PRINTED_RATE:g}", PROGRAM_RATE, "rad/s",
+        "rounded in print", erratum=15,
+    )  # fmt: skip
+    yield Erratum(
+        15, "section 5.4.2", f"i(t) = {CURRENT:g} sin({PRINTED_RATE:g} t)",
+        f"the program has {CURRENT:g} sin(4.1πt) = {CURRENT:g} sin({PROGRAM_RATE:.2f} t). Passive path "
+        f"{taken:.4f} N·mm (±{np.abs(passive[1]).max():.1f} N), active {given:.3f} N·mm ({low:.2f} to {high:.2f} N) as "
+        f"∮F dℓ over 1 s from rest".replace("-", "−"), _TEST,
+    )  # fmt: skip
+    yield Claim(
+        "fig. 5-9", "direction of the passive loop", "clockwise", "clockwise" if taken > 0 else "counterclockwise"
+    )
+    yield Claim(
+        "section 5.4.2", "net effect of the current", "power produced", "power produced" if given < 0 else "absorbed",
+        reason="over the path of appendix A4",
+    )  # fmt: skip
+    limit = Claim(
+        "section 5.4.2 against table 2-2", "current", f"≤{CURRENT_LIMIT:g}", CURRENT, "A",
+        "beyond the galvanostat, and the model holds only below its limit (section 2.3)", erratum=31,
+    )  # fmt: skip
+    yield limit
+    yield Erratum(
+        31, "section 5.4.2 against section 2.3", f"a current of {CURRENT:g} A",
+        f"the galvanostat gives {CURRENT_LIMIT:g} A and the model is valid below that; fig. 5-9 needs "
+        f"{100 * (CURRENT / CURRENT_LIMIT - 1):.0f} % more", _TEST,
+    )  # fmt: skip
+    least = Claim(
+        "fig. 5-9 against section 3.1", "smallest tension", "≥0", low, "N",
+        "in tension only: films buckle (assumption 3)", erratum=32,
+    )  # fmt: skip
+    yield least
+    yield Claim(
+        "fig. 5-9 against table 2-1", "largest tension, passive", "≤3", float(passive[1].max()), "N",
+        "actuators deform permanently beyond 3 N", erratum=32,
+    )  # fmt: skip
+    yield Erratum(
+        32, "fig. 5-9", "forces of an actuator that is used in tension only and takes about 3 N",
+        f"passive ±{np.abs(passive[1]).max():.1f} N, active {low:.1f} to {high:.1f} N: {pushing(passive[1]):.0f} % "
+        f"of the "
+        f"one path and {pushing(active[1]):.0f} % of the other are compression".replace("-", "−"), _TEST,
+    )  # fmt: skip
+    gap = float(as_printed[1][-1])
+    yield Claim(
+        "fig. 5-9 against section 5.1", "force after one gait, less that at its start", "0.0", gap, "N",
+        f"{PRINTED_RATE:g} rad/s is {PRINTED_RATE / (2 * pi):.2f} periods in 1 s; a loop needs whole ones", erratum=33,
+    )  # fmt: skip
+    yield Erratum(
+        33, "fig. 5-9", "work loops, closed by repetition",
+        f"{PRINTED_RATE:g} rad/s is {PRINTED_RATE / (2 * pi):.2f} periods of the gait (A4: "
+        f"{PROGRAM_RATE / (2 * pi):.2f}): the path ends {abs(gap):.2f} N ({abs(active[1][-1]):.2f} N) below its "
+        f"start, and "
+        "its area is no energy per cycle", _TEST,
+    )  # fmt: skip
+
+
+# --- figures ----------------------------------------------------------------------------------------------------------
+
+
+@cache
+def illustrations() -> tuple[Illustration, ...]:
+    """Figs. 5-7 and 5-9."""
+    return (
+        Illustration(
+            "Fig. 5-7: the actuator as a spring and a dashpot",
+            "The two elements of chapter 5 (blue) against the four of chapter 3 (grey) under the same loads: without a "
+            "delayed element nothing creeps back. They were fitted to different actuators, 114 in appendix A4 and 106 "
+            "in section 3.3.1. The measured curve is lost.",
+            _maxwell,
+        ),
+        Illustration(
+            "Fig. 5-9: force against length over one gait",
+            "Clockwise paths take up energy. Without current (blue) the actuator is nearly a spring. With the "
+            "current of "
+            "the thesis (red) charge pushes the force down and shapes the path; it does not close, it starts at the "
+            "dot "
+            "and ends at the cross. Only the white band is tension that the actuators bear.",
+            _work_loops,
+        ),
+    )
+
+
+def _maxwell() -> Figure:
+    time, force = staircase()
+    muscle = Maxwell()
+    flow = np.concatenate([[0.0], np.cumsum(force[:-1] * np.diff(time))]) / muscle.damping
+    figure, (upper, lower) = pictures.panels(2, "Loads from 0.5 N to 2.75 N")
+    upper.step(time, force, where="post", color=_BLUE)
+    lower.plot(time, 1e3 * run(time, {"force": force})["displacement"], color=_GREY, label="four elements, fig. 3-9")
+    lower.plot(time, 1e3 * (force / muscle.stiffness_at_once + flow), color=_BLUE, label="two elements, fig. 5-7")
+    lower.legend(fontsize=8)
+    pictures.label(upper, "force", "N")
+    pictures.label(lower, "displacement", "mm")
+    return figure
+
+
+def _work_loops() -> Figure:
+    figure, (axis,) = pictures.panels(1, "Work loops of the anterior actuator")
+    figure.set_size_inches(9, 4.5)
+    for name, (length, force), color in (
+        ("without current", work_loop(PRINTED_RATE, 0.0), _BLUE),
+        (f"{CURRENT:g} A, {PRINTED_RATE:g} rad/s", work_loop(PRINTED_RATE), _RED),
+    ):
+        axis.plot(length, force, color=color, label=name)
+        axis.plot(length[0], force[0], "o", color=color)
+        axis.plot(length[-1], force[-1], "x", color=color, markersize=9)
+    low, high = axis.get_ylim()
+    for edge in ((low, 0.0), (3.0, high)):
+        axis.axhspan(*edge, color="#f3f4f6", zorder=0)
+    axis.set_ylim(low, high)
+    axis.set_xlabel("length change [mm]")
+    axis.legend(fontsize=8)
+    pictures.label(axis, "force", "N")
+    return figure
