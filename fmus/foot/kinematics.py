@@ -173,6 +173,26 @@ class FootKinematics(Component):
         """Length of the pl actuator, whose tendon lies on its radius."""
         return self.scale * (self.l_pl + self.r_pl * self.mtp_angle)
 
+    @Output("m", nominal=1e-3, display="mm")
+    def an_length_change(self) -> Any:
+        """Length of the an actuator less that in the reference configuration."""
+        return self.scale * (attached_length(*self.an_triangle()) - self.l_an)
+
+    @Output("m", nominal=1e-3, display="mm")
+    def po_length_change(self) -> Any:
+        """Length of the po actuator less that in the reference configuration."""
+        return self.scale * (attached_length(*self.po_triangle()) - self.l_po)
+
+    @Output("m", nominal=1e-3, display="mm")
+    def do_length_change(self) -> Any:
+        """Length of the do actuator less that in the reference configuration."""
+        return self.scale * (attached_length(*self.do_triangle()) - self.l_do)
+
+    @Output("m", nominal=1e-3, display="mm")
+    def pl_length_change(self) -> Any:
+        """Length of the pl actuator less that in the reference configuration."""
+        return self.scale * self.r_pl * self.mtp_angle
+
     @Output("m/s", nominal=1e-2, display="mm/s")
     def an_length_rate(self) -> Any:
         """Rate of the length of the an actuator."""

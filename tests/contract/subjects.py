@@ -66,7 +66,7 @@ _ACTUATOR = {"R1": 0.5, "charge_start": 0.25, "C": 2.0}
 _ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
 _FOOT = (
     "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N "
-    "an_length m po_length m do_length m pl_length m an_length_rate m/s toe_x m toe_y m "
+    "an_length m po_length m do_length m pl_length m an_length_change m an_length_rate m/s toe_x m toe_y m "
     "ankle_torque N*m tm_torque N*m mtp_torque N*m toe_compliance_xx m/N toe_damping_xx N*s/m "
     "ankle_angle rad tm_angle rad mtp_angle rad ankle_rate rad/s tm_rate rad/s mtp_rate rad/s"
 )

@@ -19,6 +19,7 @@ STEP, STOP = 0.01, 1.0
 LINKS = (0.0508, 0.0625, 0.0236)
 BETA = np.radians([49.0, 30.9, 10.1])
 STIFFNESS, DAMPING, ARCH = 9100.0, 1.7e6, 100.0
+REFERENCE = np.array([0.0975, 0.0932, 0.1133, 0.1392])
 INERTIA = np.array([1e-3, 5e-4, 2e-5])
 FRICTION = np.array([0.02, 0.2, 1e-3])
 LOWER, UPPER, STOP_FREQUENCY = np.array([-0.7, -0.26, -0.15]), np.array([0.7, 0.26, 1.05]), 200.0
@@ -26,6 +27,7 @@ LOADS = ("an_tension", "po_tension", "do_tension", "pl_tension", "toe_force_x", 
 POSTURE = ("ankle_angle", "tm_angle", "mtp_angle", "ankle_rate", "tm_rate", "mtp_rate")
 OUTPUTS = (
     "an_length", "po_length", "do_length", "pl_length",
+    "an_length_change", "po_length_change", "do_length_change", "pl_length_change",
     "an_length_rate", "po_length_rate", "do_length_rate", "pl_length_rate",
     "toe_x", "toe_y", "toe_velocity_x", "toe_velocity_y", "ankle_torque", "tm_torque", "mtp_torque",
     "toe_compliance_xx", "toe_compliance_xy", "toe_compliance_yy",
@@ -97,7 +99,7 @@ def outputs(posture: np.ndarray, rates: np.ndarray, loads: np.ndarray) -> list[f
     damping = inverse.T @ (DAMPING * arms.T @ arms)[np.ix_([0, 2], [0, 2])] @ inverse
     upper = np.triu_indices(2)
     return [
-        *lengths, *(arms @ rates), *position, *(jacobian @ rates), *torques(posture, loads),
+        *lengths, *(lengths - REFERENCE), *(arms @ rates), *position, *(jacobian @ rates), *torques(posture, loads),
         *compliance[upper], *damping[upper],
     ]  # fmt: skip
 

@@ -1,0 +1,137 @@
+"""What a system is: members, each an FMU, and connections between them. Reading, checking and running are elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from fmus.kit.errors import UserError, suggestion
+
+if TYPE_CHECKING:
+    from fmus.kit import Component
+
+
+class Port(NamedTuple):
+    """A variable of a member; as text, ``member.variable``."""
+
+    member: str
+    variable: str
+
+    def __str__(self) -> str:
+        return f"{self.member}.{self.variable}"
+
+
+@dataclass(frozen=True)
+class Member:
+    """A component of a system.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the system.
+    fmu : Path
+        The FMU file, FMI 2.0 for co-simulation, anybody's.
+    parameters : Mapping of str to float
+        Parameters, and inputs that stay at a value, in the FMU's units.
+    cls : type[Component] or None
+        The class behind it if it is ours: needed to fuse the system, not to run it.
+    """
+
+    name: str
+    fmu: Path
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    cls: type[Component] | None = None
+
+
+@dataclass(frozen=True)
+class Connection:
+    """What an input receives: ``factor * source + offset`` (SSP's LinearTransformation).
+
+    Attributes
+    ----------
+    source, target : Port
+        An output, and an input of another member.
+    factor, offset : float
+        In the target's unit per the source's, and in the target's unit.
+    """
+
+    source: Port
+    target: Port
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class System:
+    """Members and how they are connected; ``orchestration.system.check`` tells whether it makes sense.
+
+    Attributes
+    ----------
+    name, doc : str
+    members : tuple of Member
+    connections : tuple of Connection
+    inputs : Mapping of str to tuple of Port
+        Inputs of the system, each fed to inputs of members.
+    outputs : Mapping of str to Port
+        Outputs of the system by name.
+    step, stop : float
+        Communication step and duration in seconds, for the default experiment.
+    """
+
+    name: str
+    members: tuple[Member, ...]
+    connections: tuple[Connection, ...]
+    inputs: Mapping[str, tuple[Port, ...]] = field(default_factory=dict)
+    outputs: Mapping[str, Port] = field(default_factory=dict)
+    doc: str = ""
+    step: float = 1e-3
+    stop: float = 1.0
+
+    def member(self, name: str) -> Member:
+        """Member of a name.
+
+        Raises
+        ------
+        UserError
+            If there is none.
+        """
+        for member in self.members:
+            if member.name == name:
+                return member
+        names = [member.name for member in self.members]
+        raise UserError(f"system {self.name}: no member named {name!r}{suggestion(name, names)}")
+
+    def port(self, text: str) -> Port:
+        """Read ``member.variable``; the member must exist.
+
+        Raises
+        ------
+        UserError
+            If it is no such text, or there is no such member.
+        """
+        name, dot, variable = text.partition(".")
+        if not dot or not variable:
+            raise UserError(f"system {self.name}: {text!r} is not of the form member.variable")
+        return Port(self.member(name).name, variable)
+
+
+def connect(*pairs: str) -> tuple[Connection, ...]:
+    """Write connections as ``"member.output -> member.input"``.
+
+    Raises
+    ------
+    UserError
+        If a text is not of this form.
+    """
+    return tuple(_connection(pair) for pair in pairs)
+
+
+def _connection(text: str) -> Connection:
+    ends: Sequence[str] = [end.strip() for end in text.split("->")]
+    parts = [end.partition(".") for end in ends]
+    if len(parts) != 2 or not all(member and variable for member, _, variable in parts):
+        raise UserError(f"{text!r} is not of the form member.output -> member.input")
+    source, target = (Port(member, variable) for member, _, variable in parts)
+    return Connection(source, target)
