@@ -1,4 +1,4 @@
-"""Both builds of the degradation estimator as FMUs: contract, reference result, and one behaviour."""
+"""Both builds of the degradation estimator as FMUs: signals, one behaviour, absurd readings."""
 
 import itertools
 import math
@@ -95,7 +95,7 @@ def test_any_communication_step_takes_the_same_samples(archive):
         assert one.get("samples") == [10000.0]
 
 
-# --- contract ---------------------------------------------------------------------------------------------------------
+# --- absurd readings --------------------------------------------------------------------------------------------------
 
 
 def test_absurd_readings_leave_numbers_and_are_forgotten(archive):

@@ -39,7 +39,7 @@ def laws(cls, values):
 
 
 def test_catalogue():
-    readme = (Path(fmus.__file__).parent / "galvanostat" / "README.md").read_text()
+    readme = (Path(fmus.__file__).parent / "galvanostat" / "README.md").read_text(encoding="utf-8")
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     assert fmus.effects("galvanostat") == EFFECTS
     for name, effect in EFFECTS.items():

@@ -1,4 +1,4 @@
-"""Both builds of the galvanostat as FMUs: contract, reference results, and no way from the voltage to the current."""
+"""Both builds of the galvanostat as FMUs: one behaviour, and no way from the voltage to the current but samples."""
 
 import math
 
@@ -27,9 +27,6 @@ def test_the_voltage_reaches_the_current_through_samples_only(archive):
     }  # fmt: skip
 
 
-# --- reference results ------------------------------------------------------------------------------------------------
-
-
 # --- two builds, one behaviour ----------------------------------------------------------------------------------------
 
 
@@ -56,7 +53,7 @@ def test_builds_agree(fmu, parameters):
         assert len(set(results["native"][name].tolist())) > 1
 
 
-# --- contract ---------------------------------------------------------------------------------------------------------
+# --- inputs, states, steps --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["current_command", "voltage", "voltage_limit", "voltage_command"])

@@ -119,4 +119,5 @@ def test_a_life_is_derated_and_protected():
     assert not life["recovering"][: np.argmax(beyond)].any()
     assert (life["current"][late][life["recovering"][late] > 0.5] == 0.0).all()
     impedance = np.where(life["estimate_valid"] > 0.5, life["impedance"], np.inf)
-    assert life["time"][np.argmin(impedance)] == pytest.approx(2100.0, abs=600.0)
+    memory = 600.0 / np.log(10.0)  # s; the estimate is late by about one, see test_ageing
+    assert 2100.0 < life["time"][np.argmin(impedance)] < 2100.0 + 2.0 * memory

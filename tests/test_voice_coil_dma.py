@@ -6,6 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from fmus.kit import Parameter, State
 from fmus.kit.compiled import CompiledModel
@@ -248,6 +250,27 @@ def test_exchange_at_communication_points_converges_to_the_monolithic_solution()
     assert errors[1] == pytest.approx(errors[0] / 2, rel=0.2)
     assert (errors[1] < 0.02).all()
     assert (np.abs(2 * fine - coarse - exact).max(axis=0) / exact.max(axis=0) < 3e-3).all()
+
+
+@pytest.mark.parametrize(("stiffness", "longest"), [(4000.0, 0.010), (9000.0, 0.003)])
+def test_exchange_with_a_spring_is_unstable_beyond_the_steps_that_the_readme_names(stiffness, longest):
+    """Largest eigenvalue of the exchange, by matrix exponential; half a step more or less is seen in the bench."""
+    equations = np.array([[-R / L, 0, -K / L, 0], [0, 0, 1, 0], [K / M, 0, -B / M, -1 / M], [0, 0, 0, 0]])
+
+    def growth(size):
+        step = expm(equations * size)[:3]
+        return np.abs(np.linalg.eigvals(step[:, :3] + np.outer(step[:, 3], [0, stiffness, 0]))).max() - 1.0
+
+    limit = brentq(growth, 1e-4, 0.015)
+    assert limit == pytest.approx(longest, rel=0.05)
+    for size, stable in ((limit / 1.5, True), (limit * 1.5, False)):
+        model = VoiceCoilDma(controller_on=False, force_reference=1.0)
+        integrator = Integrator(model)
+        for k in range(200):
+            model.tension = stiffness * model.position
+            integrator.advance(k * size, size)
+        settled = K / R / stiffness  # 1 V into the coil at rest
+        assert (abs(model.position / settled - 1.0) < 0.01) == stable
 
 
 def test_compiled_and_interpreted_laws_agree():

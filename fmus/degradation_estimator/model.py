@@ -39,18 +39,22 @@ class DegradationEstimator(Regression):
     impedance_step = Parameter(
         0.05, "1", min=1e-4, max=100.0, display="%", source=_DESIGN, doc="impedance change of a derating step (delta Z)"
     )
-    minimum_voltage_limit = Parameter(0.5, "V", min=0, max=100.0, source=_DESIGN, doc="what derating does not go below")
+    minimum_voltage_limit = Parameter(
+        0.5, "V", min=0, max=100.0, source=_DESIGN, doc="voltage limit below which derating does not go"
+    )
 
     R1 = Discrete(
-        "ohm", update="next_R1", period="sample_period", min=0, output=True, doc="series resistance; 0 before the first"
-    )
+        "ohm", update="next_R1", period="sample_period", min=0, output=True,
+        doc="series resistance; 0 before there is an estimate",
+    )  # fmt: skip
     R2 = Discrete(
         "ohm", update="next_R2", period="sample_period", min=0, output=True,
-        doc="leakage resistance; 0 before the first",
+        doc="leakage resistance; 0 before there is an estimate",
     )  # fmt: skip
     C = Discrete(
-        "F", update="next_C", period="sample_period", min=0, output=True, doc="capacitance; 0 before the first"
-    )
+        "F", update="next_C", period="sample_period", min=0, output=True,
+        doc="capacitance; 0 before there is an estimate",
+    )  # fmt: skip
     estimate_valid = Discrete(
         "1", update="next_estimate_valid", period="sample_period", type="boolean", start=False, output=True,
         doc="whether excitation and settling suffice and the estimate is a circuit",

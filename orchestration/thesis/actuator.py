@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cache
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MODEL = {p.name: float(p.start) for p in PpyActuator.layout.parameters}
-CURRENT_LIMIT = next(float(p.start) for p in Galvanostat.layout.parameters if p.name == "current_limit")
+CURRENT_LIMIT = float(Galvanostat().current_limit)
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
@@ -33,7 +32,7 @@ def findings() -> Iterator[Finding]:
         yield from part()
 
 
-def run(time: Array, inputs: Mapping[str, Array], **parameters: Any) -> dict[str, Array]:
+def run(time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
     """Run the actuator of chapter 3, inputs held between the times.
 
     Parameters
@@ -42,15 +41,13 @@ def run(time: Array, inputs: Mapping[str, Array], **parameters: Any) -> dict[str
         Seconds.
     inputs : Mapping[str, ndarray]
         Values (n,) by name, SI.
-    **parameters
-        Values that replace defaults, SI.
 
     Returns
     -------
     dict of str to ndarray, shape (n,)
         Outputs and states.
     """
-    model = PpyActuator(**parameters)
+    model = PpyActuator()
     integrator = Integrator(model)
     names = [v.name for v in model.layout.outputs]
     states = [v.name for v in model.layout.states]
@@ -223,31 +220,24 @@ def _creep() -> Iterator[Finding]:
     yield Claim("section 3.3.2", "1 Hz as an angular frequency", "6.3", 2.0 * pi, "rad/s")
 
 
-def staircase(period: float = 60.0, step: float = 1.0) -> tuple[Array, Array]:
-    """Loads of fig. 3-6 to 3-9, 0.5 to 2.75 N in steps of 0.25 N.
-
-    Parameters
-    ----------
-    period : float
-        Of one load and its removal in s; not printed. Nine of 60 s pass the 500 s that section 5.3.2 speaks of.
-    step : float
-        Of the times, in s.
+def staircase() -> tuple[Array, Array]:
+    """Loads of figs. 3-6 to 3-9, 0.5 to 2.75 N in steps of 0.25 N.
 
     Returns
     -------
-    time, force : ndarray, shape (n,)
+    time, force : ndarray, shape (601,)
         In s and N.
     """
-    time = np.arange(0.0, 10.0 * period + step, step)
+    period = 60.0  # s, of one load and its removal; not printed. Nine pass the 500 s that section 5.3.2 speaks of
+    time = np.arange(0.0, 10.0 * period + 1.0)
     return time, stimuli.force_staircase(time, period)
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
 
 
-@cache
 def illustrations() -> tuple[Illustration, ...]:
-    """Figs. 3-4, 3-9 and 3-10, from the model."""
+    """Figs. 3-4 and 3-9, from the model."""
     return (
         Illustration(
             "Fig. 3-4: a current square wave",

@@ -12,62 +12,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from math import tanh
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
-from fmus import component, effects
-from fmus.kit import Component, stack
+from fmus import component
+from fmus.kit import Component
 from fmus.kit.build import build_cached
 from orchestration.fmu import Fmu
 from orchestration.simulate import grid
 from orchestration.stimuli import square_wave
+from orchestration.system.ageing_actuator import AGEING, AMPLITUDE, ESTIMATOR, FREQUENCY, actuator, capacitance
 
 Array = NDArray[np.float64]
 
 LIFE = 18000.0  # s, "approximately 5 hours"
-AMPLITUDE, FREQUENCY = 1.3, 0.1  # A, Hz
-FIRST_VOLTAGE = 1.15  # V, the printed amplitude at the start
 # What is read of each FMU at every step; states of the actuator, which are no outputs, tell its series resistance.
 _STATES = ["throughput", "temperature_rise"]
 _DRIVE, _FILMS = ["current", "recovering"], ["voltage", *_STATES]
 _WATCH = ["voltage_limit", "impedance", "impedance_change", "R1", "R2", "C", "estimate_valid"]
-
-# R1 falls as the actuator warms up, and grows with the charge moved. The thesis prints the time of the minimum, 2100 s,
-# and a rise by 15 to 25 % in a lifetime. The conductance of electrolytes (0.02/K) and the heat capacity (50 J/K) are
-# those of the effect; cooling half as well as its default and the growth rate are chosen to give a minimum at 2100 s
-# and 16 % from there to the end.
-AGEING = {
-    "resistance_growth_rate": 6.7e-5, "conductance_rise_per_kelvin": 0.02,
-    "thermal_resistance": 40.0, "thermal_time": 2000.0,
-}  # fmt: skip
-# Just above the first voltages, so that derating is felt within the life; a design parameter (section 4.2).
-ESTIMATOR = {"initial_voltage_limit": 1.2}
-
-
-def actuator() -> type[Component]:
-    """Class of the actuator that warms up and whose series resistance grows with use."""
-    known = effects("ppy_actuator")
-    chosen = known["resistance_growth"], known["self_heating"]
-    return stack(component("ppy_actuator"), *chosen, name="ageing_actuator")
-
-
-def capacitance() -> float:
-    """Capacitance in F at which the fresh circuit of table 3-1 answers with the first voltage that is printed.
-
-    In the periodic state the charge of a square wave swings by ``tanh(T / (4 tau))`` of its final value.
-    """
-    fresh: Any = component("ppy_actuator")()
-    R1, R2 = fresh.R1, fresh.R2
-
-    def amplitude(C: float) -> float:
-        swing = tanh(1.0 / (4.0 * FREQUENCY * (R1 + R2) * C))
-        return AMPLITUDE * R2 * (R1 + R2 * swing) / (R1 + R2)
-
-    return float(brentq(lambda C: amplitude(C) - FIRST_VOLTAGE, 0.1, 100.0))
 
 
 def run(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
 from math import hypot, pi, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -216,19 +215,13 @@ def _margins() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def sampled_bandwidth(cutoff: float = _A1_CUTOFF) -> float:
-    """Frequency in Hz at which the force falls below -3 dB of its reference, the loop closed by eq. 2.2 at 30 Hz.
-
-    Parameters
-    ----------
-    cutoff : float
-        Of the load-cell filter, in Hz.
-    """
+def sampled_bandwidth() -> float:
+    """Frequency in Hz at which the force falls below -3 dB of its reference, eq. 2.2 at 30 Hz with A1's filter."""
     import control
 
     period = analysis.SAMPLE_PERIOD
     coil = analysis.plant(back_emf=False)
-    driven, read = (control.sample_system(p, period, "zoh") for p in (coil, coil * analysis.force_filter(cutoff)))
+    driven, read = (control.sample_system(p, period, "zoh") for p in (coil, coil * analysis.force_filter(_A1_CUTOFF)))
     law = control.tf([_DMA["error_gain"], _DMA["previous_error_gain"]], [1.0, -1.0], period)
     frequencies = np.linspace(0.01, _NYQUIST, 3001)
     z = np.exp(2j * pi * frequencies * period)
@@ -261,7 +254,6 @@ def _galvanostat() -> Iterator[Finding]:
 # --- figures ----------------------------------------------------------------------------------------------------------
 
 
-@cache
 def illustrations() -> tuple[Illustration, ...]:
     """Figs. 2-5 and 2-6."""
     return (
@@ -269,15 +261,13 @@ def illustrations() -> tuple[Illustration, ...]:
             "Fig. 2-5: the force loop, open",
             "Gain and phase around the loop without a controller (grey) and with one. The blue curve is the controller "
             "that eq. 2.2 is the sampled form of, the red one that of appendix A1. Dots mark where the gain is one, "
-            "the "
-            "cross where the thesis says it is. Hold and filter of A1 are in all three.",
+            "the cross where the thesis says it is. Hold and filter of A1 are in all three.",
             _bode,
         ),
         Illustration(
             "Fig. 2-6: the force loop, closed",
             "The force after its reference has stepped by 1 N, by linear analysis with A1's hold and filter. The "
-            "dashed "
-            "line is 63 %; both controllers reach it within the 0.1 s that the thesis gives (dotted).",
+            "dashed line is 63 %; both controllers reach it within the 0.1 s that the thesis gives (dotted).",
             _step,
         ),
     )

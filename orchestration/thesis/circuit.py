@@ -56,7 +56,7 @@ def response(current: ArrayLike, r1: ArrayLike = CIRCUIT[0], period: float = PER
     return voltage
 
 
-def settled(current: float, frequency: float, circuit: tuple[float, float, float] | None = None) -> tuple[float, float]:
+def settled(current: float, frequency: float) -> tuple[float, float]:
     """Largest charge (C) and voltage (V) of the circuit under a square wave that has lasted.
 
     Parameters
@@ -65,10 +65,8 @@ def settled(current: float, frequency: float, circuit: tuple[float, float, float
         Amplitude in A.
     frequency : float
         Hz.
-    circuit : tuple of float, optional
-        R1, R2 and C; the model's if left out.
     """
-    r1, r2, c = circuit or CIRCUIT
+    r1, r2, c = CIRCUIT
     fade = exp(-0.5 / frequency / ((r1 + r2) * c))
     charge = r2 * c * current * (1.0 - fade) / (1.0 + fade)
     return charge, (r1 * (r2 * current - charge / c) / (r1 + r2)) + charge / c

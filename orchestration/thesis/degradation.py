@@ -56,15 +56,14 @@ def _record() -> Iterator[Finding]:
     windows = (last - first - _WINDOW) // _WINDOW + 1
     length = Claim(
         "abstract; section 4.3", "continuous operation that was analysed", ">5", hours, "h",
-        f"samples {first} to {last} at {PERIOD:g} s; the first {first * PERIOD / 60:.0f} minutes are left "
-        f"out", erratum=29,
+        f"samples {first} to {last} at {PERIOD:g} s; the first {first * PERIOD / 60:.0f} minutes are left out",
+        erratum=29,
     )  # fmt: skip
     yield length
     yield Erratum(
         29, "abstract against appendix A3", f"more than {length.published[1:]} hours were collected and analysed",
         f"the program analyses samples {first} to {last} at {PERIOD:g} s, {hours:.2f} h in {windows} windows; with "
-        f"what "
-        f"it leaves out before, the record has {last * PERIOD / 3600:.2f} h", "test_thesis_degradation",
+        f"what it leaves out before, the record has {last * PERIOD / 3600:.2f} h", "test_thesis_degradation",
     )  # fmt: skip
 
 
@@ -128,9 +127,8 @@ def _noise() -> Iterator[Finding]:
     yield Erratum(
         9, "section 4.1", "least squares on the measured regressor",
         f"biased by voltage noise: with 20 mV rms on a 0.9 A, 0.2 Hz square wave a long record gives R2 = "
-        f"{large:.2f} Ω "
-        f"for a true {CIRCUIT[1]:.2f} Ω (5 mV: {small:.2f} Ω); the fit here minimises the simulation error, which "
-        f"is not",
+        f"{large:.2f} Ω for a true {CIRCUIT[1]:.2f} Ω (5 mV: {small:.2f} Ω); the fit here minimises the simulation "
+        "error, which is not",
     )  # fmt: skip
 
 
@@ -166,7 +164,6 @@ def _judging() -> Iterator[Finding]:
 # --- figures ----------------------------------------------------------------------------------------------------------
 
 
-@cache
 def illustrations() -> tuple[Illustration, ...]:
     """Figs. 4-3 and 4-4 in action, and a life like that of figs. 4-5 to 4-7."""
     return (
@@ -174,15 +171,13 @@ def illustrations() -> tuple[Illustration, ...]:
             "Figs. 4-3, 4-6 and 4-7: a life of five hours",
             "Galvanostat, ageing actuator and degradation estimator, coupled. Warming lowers the series resistance at "
             "first, use raises it later: the impedance passes a minimum. Each step of impedance change takes a step "
-            "off "
-            "the voltage limit. How fast this actuator ages is chosen; the measured life is lost.",
+            "off the voltage limit. How fast this actuator ages is chosen; the measured life is lost.",
             _life,
         ),
         Illustration(
             "Fig. 4-4: the voltage limit, enforced",
             "The last minute of the same life. Where the voltage passes the lowered limit (dashed), the current is "
-            "zero "
-            "for the recovery time and the voltage falls back; then the current returns.",
+            "zero for the recovery time and the voltage falls back; then the current returns.",
             _protection,
         ),
     )

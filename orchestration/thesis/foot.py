@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
 from math import log10, radians
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +17,6 @@ from . import motor
 from .claim import Claim, Erratum, Finding, Illustration, number
 from .motor import DcMotor, Maxwell
 from .work_loops import DAMPING, STIFFNESS
-
-if TYPE_CHECKING:
-    pass
 
 Array = NDArray[np.float64]
 _TEST = "test_thesis_foot"
@@ -38,9 +33,7 @@ _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 def findings() -> Iterator[Finding]:
     """Everything chapter 5 and the symbol list let one recompute."""
-    for part in (
-        _motor, _table, _matrices, _statics, _symbols,
-    ):  # fmt: skip
+    for part in (_motor, _table, _matrices, _statics, _symbols):
         yield from part()
 
 
@@ -64,8 +57,7 @@ def _motor() -> Iterator[Finding]:
     yield Erratum(
         34, "section 5.1", "the free integrator of eq. 5.1 is a lack of stiffness; PPy inherently has stiffness",
         f"eqs. 3.7 and 5.17 have a free integrator too; under a lasting load the stiffness is {lasting:g} N/m in "
-        f"either. "
-        f"PPy is a spring for b/k = {muscle.time_constant:.0f} s; a small shorted motor (assumed) yields after "
+        f"either. PPy is a spring for b/k = {muscle.time_constant:.0f} s; a small shorted motor (assumed) yields after "
         f"{1e3 * driven.time_constant:.0f} ms and needs {volts:.1f} V and {watts:.2f} W to hold {load:g} N",
         "test_thesis_motor",
     )  # fmt: skip
@@ -111,13 +103,12 @@ def _matrices() -> Iterator[Finding]:
             )  # fmt: skip
     c, d = found.compliance, found.damping
     in_mm = printed(MILLIMETRES_PER_INCH).compliance[0, 0]
+    foot_length = sum(TABLE[symbol][1] for symbol in ("l_1", "l_2", "l_3")) * MILLIMETRES_PER_INCH
     yield Erratum(
         12, "eqs. 5.11, 5.12", "C_x = [[1081, 9.6], [9.6, 7.3]] mm/N, D_x = [[1.7e7, 1.5e5], [1.5e5, 1.1e5]] N·s/mm",
         f"the printed program in inches gives {_matrix(c, '.2f', '.3f')} and {_matrix(d, '.3e', '.3e')}. They rest on "
         f"its constant 1e-4, not on the foot: in mm the same program has C_xx = {_short(in_mm, '.1e')}; 1 N would "
-        f"move the toe "
-        f"of a "
-        f"{sum(TABLE[s][1] for s in ('l_1', 'l_2', 'l_3')) * MILLIMETRES_PER_INCH:.0f} mm foot by {c[0, 0]:.0f} mm. "
+        f"move the toe of a {foot_length:.0f} mm foot by {c[0, 0]:.0f} mm. "
         f"Consistent: {_matrix(compliance, '.2f', '.2f')} and {_matrix(damping, '.0f', '.0f')}", "test_foot_thesis",
     )  # fmt: skip
     yield Claim(
@@ -137,8 +128,8 @@ def _matrices() -> Iterator[Finding]:
     product = STIFFNESS * DAMPING
     share = float(np.ptp(d / c / product))
     yield Claim(
-        "eqs. 5.7 and 5.9", "D_x, but for the factor k b", "a matrix of its "
-        "own", "C_x" if share < 1e-9 else "a matrix of its own",
+        "eqs. 5.7 and 5.9", "D_x, but for the factor k b", "a matrix of its own",
+        "C_x" if share < 1e-9 else "a matrix of its own",
         reason="damping is mapped as compliance is, so that both are one matrix", erratum=36,
     )  # fmt: skip
     yield Erratum(
@@ -184,11 +175,9 @@ def _statics() -> Iterator[Finding]:
         "the program has sin where eq. 5.3 has cos; compliances of antagonists add",
         "antagonists on one joint act in parallel: stiffness and damping add, K_θ = Rᵀ K_ℓ R. With moment arms of "
         f"{arms[0]:.1f}, {arms[1]:.1f}, {arms[2]:.1f} and {arms[3]:.1f} mm the ankle has {ankle:.2f} N·m/rad and "
-        f"the toe "
-        f"{toe:.2f} N·m/rad; adding compliances leaves {series:.2f} N·m/rad at the ankle. "
+        f"the toe {toe:.2f} N·m/rad; adding compliances leaves {series:.2f} N·m/rad at the ankle. "
         "The plantar arm is a choice, for its triangle is singular in the reference configuration. The program "
-        "couples do "
-        "and pl to the arch by a token 0.001", "test_foot",
+        "couples do and pl to the arch by a token 0.001", "test_foot",
     )  # fmt: skip
 
 
@@ -216,7 +205,6 @@ def _symbols() -> Iterator[Finding]:
 # --- figures ----------------------------------------------------------------------------------------------------------
 
 
-@cache
 def illustrations() -> tuple[Illustration, ...]:
     """Eq. 5.1 beside the actuator."""
     return (
@@ -225,8 +213,7 @@ def illustrations() -> tuple[Illustration, ...]:
             "What remains of the stiffness after a load has been on for a time, and how far it has moved. Both yield "
             "under a lasting load. The actuator is a spring for minutes before its dashpot shows; a motor with shorted "
             "armature is one for no time at all, only its rotor's inertia delays it. The motor is a small brushed "
-            "one on a "
-            "spool, assumed, for the thesis gives no numbers.",
+            "one on a spool, assumed, for the thesis gives no numbers.",
             motor.figure,
         ),
     )

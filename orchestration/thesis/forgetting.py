@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
 from math import log, log10
 from typing import TYPE_CHECKING
 
@@ -112,8 +111,8 @@ def _forgetting() -> Iterator[Finding]:
     yield Erratum(
         11, "section 4.1.2, appendix A3", f"α = {factor:g} corresponds to approximately {known.published} seconds",
         f"by eq. 4.11 at {1 / PERIOD:g} Hz that is a weight of {left:.3f} % after {asked:g} s, a memory of "
-        f"{memory:.1f} s; {slow:g} at {rate:g} Hz leaves {left_slow:.0f} % after {five:g} "
-        f"s", "test_degradation_estimator",
+        f"{memory:.1f} s; {slow:g} at {rate:g} Hz leaves {left_slow:.0f} % after {five:g} s",
+        "test_degradation_estimator",
     )  # fmt: skip
     weight, shown = 10.0, 1.0  # percent; s, on the axis of the program's plot
     drawn = forgetting_factor(weight, PERIOD, shown + 1.0)
@@ -133,7 +132,6 @@ def _forgetting() -> Iterator[Finding]:
 # --- figures ----------------------------------------------------------------------------------------------------------
 
 
-@cache
 def illustrations() -> tuple[Illustration, ...]:
     """Eq. 4.11."""
     return (

@@ -97,6 +97,7 @@ def _table_3_1() -> Iterator[Finding]:
 
 def _sampling() -> Iterator[Finding]:
     b0, b1, a = map(float, SETS[0][:3])
+    (pole,), (zero,) = np.roots([1.0, a]), np.roots([b0, b1])  # eq. 3.10: (b0 z + b1)/(z + a)
 
     def rate(b0: float, b1: float, a: float, c: float) -> float:
         return (b1 - a * b0) / (c * (b0 + b1) ** 2)  # eq. 3.13
@@ -112,13 +113,13 @@ def _sampling() -> Iterator[Finding]:
         "100 and 50 Hz (A2), 10 Hz (A3) and 40 Hz (A4), section 4.3 says 15 Hz", "test_thesis_actuator",
     )  # fmt: skip
     yield Claim(
-        "symbol list", "what a fixes in eq. 3.10", "zero", "pole" if 1.0 + a / -a == 0.0 else "zero",
+        "symbol list", "what a fixes in eq. 3.10", "zero", "pole" if np.isclose(-a, pole) else "zero",
         reason="the denominator 1 + a/z vanishes at -a; b0 and b1 fix the zero", erratum=23,
     )  # fmt: skip
     yield Erratum(
         23, "symbol list; sections 3.1.4, 4.1.1",
         "b0, b1: pole parameters; a: zero parameter; the text estimates a, b1 and b2",
-        f"eq. 3.10 has its pole at −a and its zero at −b1/b0, {-a:.4f} and {-b1 / b0:.4f} in set 1; it has no b2",
+        f"eq. 3.10 has its pole at −a and its zero at −b1/b0, {pole:.4f} and {zero:.4f} in set 1; it has no b2",
         "test_thesis_actuator",
     )  # fmt: skip
 

@@ -47,8 +47,8 @@ def run(out: Path) -> Path:
         page.text(
             "Every figure that does not need the lost data, recomputed from the models. A figure holds if the computed "
             "value rounds to the printed one; within rounding means that the rounding of the printed inputs "
-            "accounts for "
-            "the difference. Only as printed: the program printed in the thesis gives it, and it is still wrong."
+            "accounts for the difference. Only as printed: the program printed in the thesis gives it, and it is still "
+            "wrong."
         )
         drawings = chapters.illustrations()
         done, count = 0, sum(map(len, drawings.values()))

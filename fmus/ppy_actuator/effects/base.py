@@ -1,4 +1,4 @@
-"""What every effect of the actuator stands on, and arithmetic that several share."""
+"""What every effect of the actuator stands on."""
 
 from __future__ import annotations
 
