@@ -9,7 +9,6 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from scipy.signal import butter, freqs
 
 from fmus import component
@@ -17,7 +16,7 @@ from fmus.kit.units import parse
 from orchestration.identify.grey_box import fit
 from orchestration.rig.emulator import EmulatedRig, RigParameters
 from orchestration.stimuli import square_wave
-from orchestration.thesis import analyser, chapters, circuit, degradation, errata, forgetting, identification
+from orchestration.thesis import chapters, circuit, degradation, errata, force_loop, forgetting, identification
 
 from .thesis_findings import claim, claims, row
 
@@ -35,7 +34,6 @@ def test_the_page_is_what_the_computations_give() -> None:
 
 def test_rows_are_numbered_without_gaps() -> None:
     assert [e.number for e in ROWS] == list(range(1, len(ROWS) + 1))
-    assert len(ROWS) >= 40
     for e in ROWS:
         assert "|" not in e.where + e.printed + e.holds, f"row {e.number} breaks the table"
         assert all((e.where, e.printed, e.holds))
@@ -50,12 +48,11 @@ def test_the_cited_file_tests_the_row(erratum) -> None:
 def test_claims_that_do_not_hold_give_a_reason_and_a_row_that_exists() -> None:
     every = [c for group in chapters.claims().values() for c in group]
     numbers = {e.number for e in ROWS}
-    assert len(every) > 120
     for c in every:
         assert c.holds or c.reason, f"{c.where}, {c.what}: no reason"
         assert c.erratum is None or c.erratum in numbers
-    for number in numbers:
-        assert any(not c.holds or number in (10, 15) for c in claims(number)), f"row {number}: everything holds"
+    for number in numbers - {15, 16, 17}:  # 15 is a rounding, 16 and 17 are units: reasoning alone
+        assert any(c.verdict != "holds" for c in claims(number)), f"row {number}: everything holds"
 
 
 # --- rows -------------------------------------------------------------------------------------------------------------
@@ -76,28 +73,12 @@ def coil_force(s):
     return K / (R + L * s + K**2 * mobility)
 
 
-def tension(s):
-    """Tension per coil voltage."""
-    return coil_force(s) * spring(s) / (M * s**2 + B * s + spring(s))
-
-
-def margin(plant) -> tuple[float, float]:
-    """Phase margin in degrees and crossover in Hz of eq. 2.2 as a continuous controller."""
-
-    def loop(frequency: float) -> complex:
-        s = 2j * np.pi * frequency
-        return complex(18 * (0.02 * s + 1) / s * plant(s))
-
-    crossover = brentq(lambda f: abs(loop(f)) - 1, 1.0, 20.0)
-    return 180 + float(np.degrees(np.angle(loop(crossover)))), crossover
-
-
 def test_row_2_the_line_of_the_program_is_not_eq_2_1() -> None:
     for frequency in (0.1, 10.0, 100.0):
         s = 2j * np.pi * frequency
         mechanical = (K1 + B * s + M * s**2) * (B2 * s + K2) + B2 * K2 * s
         line = K / (R + s * L + (K**2 * s * (B2 * s + K2))) / mechanical
-        assert analyser.program_plant(s) == pytest.approx(line, rel=1e-12)
+        assert force_loop.program_plant(s) == pytest.approx(line, rel=1e-12)
         assert abs(line) < 1e-6 * abs(coil_force(s))
     assert float(claims(2)[0].published) == pytest.approx(abs(coil_force(2j * np.pi * 10)), abs=0.005)
     assert f"{abs(coil_force(2j * np.pi * 10)):.2f} N/V at 10 Hz" in row(2).holds
@@ -136,17 +117,9 @@ def test_row_6_the_printed_denominator_needs_another_start() -> None:
 
 
 def test_row_16_the_inverse_of_a_stiffness() -> None:
-    assert parse("mm/N").dimensionality == (1 / parse("N/mm")).dimensionality
-    assert (claims(16)[0].published, claims(16)[0].reproduced, row(16).holds) == ("N/mm", "mm/N", "mm/N")
-
-
-def test_row_17_the_load_cell_reads_less_than_the_coil_gives() -> None:
-    for plant, text in ((coil_force, "115.5° at 4.20 Hz"), (tension, "113.4° at 4.23 Hz")):
-        phase, crossover = margin(plant)
-        assert f"{phase:.1f}° at {crossover:.2f} Hz" == text
-        assert text in row(17).holds
-    s = 2j * np.pi * np.logspace(-2, 2, 30)
-    assert analyser.tension_plant()(s) == pytest.approx(tension(s), rel=1e-8)
+    stiffness = parse("N/mm")  # k_i, in the same list
+    printed, holds = row(16).printed.split(" in ")[-1], row(16).holds.split(",")[0]
+    assert [(parse(unit) * stiffness).dimensionless for unit in (printed, holds)] == [False, True]
 
 
 def test_row_18_the_proportional_gain_is_half_the_difference() -> None:
@@ -159,18 +132,11 @@ def test_row_18_the_proportional_gain_is_half_the_difference() -> None:
 
 
 def test_row_19_one_actuator_holds_and_the_other_flows() -> None:
-    assert spring(0.0) == K1 == pytest.approx(analyser.static_stiffness(), rel=1e-6)
+    assert spring(0.0) == K1 == pytest.approx(force_loop.static_stiffness(), rel=1e-6)
     k1, b1, k2, b2 = (DEFAULT[n] for n in ("k1", "b1", "k2", "b2"))
     s = 1e-12
     assert 1 / (1 / k1 + 1 / (b1 * s) + 1 / (k2 + b2 * s)) < 1e-5 * k1
     assert "is 3860 N/m" in row(19).holds
-
-
-def test_row_20_half_the_range_is_measured_worse_than_printed() -> None:
-    errors = [0.05 / force * 100 for force in (1.0, 2.0)]
-    assert errors == [5.0, 2.5]
-    assert claims(20)[0].reproduced == pytest.approx(5.0)
-    assert "2.5 to 5 %" in row(20).holds
 
 
 def test_the_sampled_loop_reaches_its_bandwidth() -> None:
@@ -244,15 +210,17 @@ def test_row_10_table_3_1_follows_from_its_own_coefficients_but_for_three_entrie
         for name, value, printed in zip(("R1", "R2", "C"), (r1, r2, c), entries, strict=True):
             assert claim(name, f"table 3-1, set {number}").reproduced == pytest.approx(value, rel=1e-9)
             if f"{value:.{len(printed) - 2}f}" != printed:
-                differing.append((number, name, printed, f"{value:.3f}"))
-    assert differing == [(2, "R1", "0.43", "0.425"), (2, "R2", "2.02", "2.031"), (3, "R2", "2.45", "2.442")]
-    assert all(f"{value} Ω" in row(10).holds for _, name, _, value in differing if name == "R2")
+                differing.append((number, name, printed, f"{value:.4g}"))
+    assert differing == [(2, "R1", "0.43", "0.4247"), (2, "R2", "2.02", "2.031"), (3, "R2", "2.45", "2.442")]
+    assert [(c.where[-1], c.what, c.published) for c in claims(10)] == [(str(n), *rest) for n, *rest, _ in differing]
+    assert row(10).printed == "set 2: R1 = 0.43, R2 = 2.02; set 3: R2 = 2.45 (Ω)"
+    assert "give 0.4247, 2.031 and 2.442 Ω" in row(10).holds
 
 
 def test_row_10_rounding_of_the_coefficients_accounts_for_the_entries() -> None:
     """Coefficients drawn from all that would be printed so, converted by the bilinear rule of ``control``."""
     rng = np.random.default_rng(10)
-    for number, entries in ((2, {"R2": 2.02}), (3, {"R2": 2.45, "C": 3.1})):
+    for number, entries in ((2, {"R1": 0.43, "R2": 2.02}), (3, {"R2": 2.45})):
         coefficients = np.array([float(text) for text in identification.SETS[number - 1][:3]])
         drawn = []
         for b0, b1, a in coefficients + rng.uniform(-5e-5, 5e-5, (400, 3)):
@@ -268,6 +236,5 @@ def test_row_10_rounding_of_the_coefficients_accounts_for_the_entries() -> None:
             low, high = c.allowed
             assert low <= table[name].min() <= table[name].max() <= high
             assert table[name].max() - table[name].min() > 0.8 * (high - low)
-            half = 0.05 if printed == 3.1 else 0.005
-            assert ((table[name] > printed - half) & (table[name] < printed + half)).any()
-            assert c.holds
+            assert ((table[name] > printed - 0.005) & (table[name] < printed + 0.005)).any()
+            assert c.verdict == "within rounding"

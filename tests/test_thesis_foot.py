@@ -61,7 +61,10 @@ def test_row_32_most_of_the_path_is_compression():
     assert active.min() < 0.0
     shares = [100 * np.mean(force < 0) for force in (passive, active)]
     assert f"{shares[0]:.0f} % of the one path and {shares[1]:.0f} % of the other" in row(32).holds
-    assert not any(c.holds for c in claims(32))
+    ranges = [float(force.max() - force.min()) for force in (passive, active)]
+    assert f"ranges of {ranges[0]:.1f} and {ranges[1]:.1f} N between 0 and 3 N" in row(32).holds
+    assert [c.reproduced for c in claims(32)] == pytest.approx(ranges, abs=1e-4)
+    assert min(ranges) > 3.0
 
 
 def test_row_33_the_path_does_not_close():
@@ -127,13 +130,16 @@ def test_row_12_and_13_say_what_the_foot_gives():
     found = printed()
     assert "[[1080.78, 9.554], [9.554, 7.315]] and [[1.672e7, 1.478e5], [1.478e5, 1.132e5]]" in row(12).holds
     assert f"by {found.compliance[0, 0]:.0f} mm" in row(12).holds
-    assert [c.verdict for c in claims(12)] == ["only as printed"] * 6
+    assert [c.verdict for c in claims(12)] == ["only as printed"] * 8
+    assert [claim(f"{m}_xx over {m}_yy, two orders of magnitude").reproduced for m in "CD"] == pytest.approx(
+        [1080.78 / 7.315, 1.672e7 / 1.132e5], rel=1e-3
+    )
     body = Foot()
     stiffness = [9100 * (body.arms()[i] ** 2 + body.arms()[i + 1] ** 2) for i in (0, 2)]
     assert f"{stiffness[0]:.2f} N·m/rad and the toe {stiffness[1]:.2f} N·m/rad" in row(13).holds
 
 
-def test_row_38_antagonists_ask_for_two_angles():
+def test_row_29_antagonists_ask_for_two_angles():
     """Angles at which the triangles of table 5-1 have the lengths of 0.25 s, found by bisection in the plane."""
     angles = []
     for length, radius, angle, change, sign in (
@@ -151,30 +157,26 @@ def test_row_38_antagonists_ask_for_two_angles():
         angles.append(low)
     angles.append(math.degrees(2.0 / 16.3))  # the tendon on its radius
     for asked in angles:
-        assert f"{asked:.1f}°" in row(38).holds
+        assert f"{asked:.1f}°" in row(29).holds
     assert angles[0] > 2 * angles[1]
     assert angles[2] > 1.9 * angles[3]
 
 
-def test_row_39_the_third_link_needs_a_right_angle():
-    angles = [49.03, 30.896, 10.075]
-    turned = math.radians(sum(angles) + 7.0)
-    assert math.sin(turned) == pytest.approx(math.cos(math.radians(7.0)), abs=1e-4)
-    assert f"make {sum(angles):.1f}°" in row(39).holds
-    assert [(c.published, c.reproduced) for c in claims(39)] == [("beta_af", "beta_df")]
-
-
-def test_row_40_units_of_the_symbol_list():
-    force = (parse("N/A") * parse("A")).dimensionality
-    assert force == parse("N").dimensionality != (parse("N*m/A") * parse("A")).dimensionality
-    assert parse("N/A").dimensionality == parse("V*s/m").dimensionality
-    assert [(c.published, c.reproduced) for c in claims(40)] == [("N*m/A", "N/A")]
+def test_row_17_units_of_the_symbol_list():
+    current, speed = parse("A"), parse("m/s")
+    motors = row(17).printed.split("in ")[1].split(";")[0].split(" or ")
+    coils = row(17).holds.split("the coil's are ")[1].split(". ")[0].split(" or ")
+    for units, right in ((motors, False), (coils, True)):
+        constant, back_emf = (parse(unit.replace("·", "*")) for unit in units)
+        assert constant.dimensionality == back_emf.dimensionality
+        assert ((constant * current).dimensionality == parse("N").dimensionality) is right
+        assert ((back_emf * speed).dimensionality == parse("V").dimensionality) is right
     body, step = Foot(), math.radians(1e-3)
     before = body.toe_position()[0]
     body.ankle_angle = step
     per_rad = (body.toe_position()[0] - before) / step
     assert Foot().jacobian()[0][0] == pytest.approx(per_rad, rel=1e-4)
-    assert f"{math.degrees(1.0):.1f} times too large" in row(40).holds
+    assert f"{math.degrees(1.0):.1f} times too large" in row(17).holds
 
 
 def test_table_5_1_is_the_program_in_millimetres():
@@ -189,7 +191,7 @@ def test_table_5_1_is_the_program_in_millimetres():
 def test_table_5_1_is_what_the_component_has():
     defaults = {p.name: p.start for p in Foot.layout.parameters}
     for symbol, (text, _) in foot.TABLE.items():
-        name = symbol.replace(",0", "").replace("beta_af", "beta_df").replace("l_1", "l1").replace("l_2", "l2")
+        name = symbol.replace(",0", "").replace("l_1", "l1").replace("l_2", "l2")
         value = defaults[name.replace("l_3", "l3")]
         assert convert(
             value, "m" if symbol[0] in "lr" else "rad", "mm" if symbol[0] in "lr" else "deg"

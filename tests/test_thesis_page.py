@@ -42,17 +42,20 @@ def test_the_table_is_readable_in_100_columns(done):
 
 
 def test_the_summary_counts_what_is_in_the_page(done, page):
-    counts = re.search(r"(\d+) printed figures: (\d+) hold, (\d+) are within.* (\d+) are reproduced but wrong, "
-                       r"(\d+) differ, each with its reason; (\d+) errata", done[1].stdout)  # fmt: skip
+    counts = re.search(r"(\d+) printed figures and statements: (\d+) hold, (\d+) are within.* (\d+) are reproduced but "
+                       r"wrong, (\d+) differ\. (\d+) that follow from print: (\d+) hold, (\d+) differ\. "
+                       r"Each that does not hold has its reason; (\d+) errata", done[1].stdout)  # fmt: skip
     assert counts is not None
-    every, *parts, errata = map(int, counts.groups())
-    assert every == sum(parts)
+    printed, *parts, inferred, inferred_hold, inferred_differ, errata = map(int, counts.groups())
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", line) for line in re.findall(r"<tr.*?</tr>", page)]
     claims = [row for row in cells if len(row) == 6]
-    assert len(claims) == every
     assert len([row for row in cells if len(row) == 4]) == errata
-    starts = [row[5].split(";")[0] for row in claims]
-    assert [starts.count(v) for v in ("holds", "within rounding", "only as printed", "differs")] == parts
+    starts = {kind: [row[5].split(";")[0] for row in claims if row[2].endswith(" (from print)") is kind]
+              for kind in (False, True)}  # fmt: skip
+    verdicts = ("holds", "within rounding", "only as printed", "differs")
+    assert [starts[False].count(v) for v in verdicts] == parts
+    assert [starts[True].count(v) for v in verdicts] == [inferred_hold, 0, 0, inferred_differ]
+    assert [len(starts[kind]) for kind in (False, True)] == [printed, inferred]
     assert all(len(row[5].split(";")) > 1 for row in claims if row[5].startswith(("only", "differs")))
 
 

@@ -30,18 +30,18 @@ def actuator() -> type[Component]:
     return stack(component("ppy_actuator"), *chosen, name="ageing_actuator")
 
 
-def capacitance() -> float:
-    """Capacitance in F at which the fresh circuit of table 3-1 answers with the first voltage that is printed.
+def periodic_voltage(R1: float, R2: float, C: float) -> float:
+    """Largest voltage in V of a circuit in ohm and F under that square wave, once it has lasted.
 
-    In the periodic state the charge of a square wave swings by ``tanh(T / (4 tau))`` of its final value.
+    In the periodic state the charge swings by ``tanh(T / (4 tau))`` of its final value.
     """
+    swing = tanh(1.0 / (4.0 * FREQUENCY * (R1 + R2) * C))
+    return AMPLITUDE * R2 * (R1 + R2 * swing) / (R1 + R2)
+
+
+def capacitance() -> float:
+    """Capacitance in F at which the fresh circuit of table 3-1 answers with the first voltage that is printed."""
     from scipy.optimize import brentq
 
     fresh: Any = component("ppy_actuator")()
-    R1, R2 = fresh.R1, fresh.R2
-
-    def amplitude(C: float) -> float:
-        swing = tanh(1.0 / (4.0 * FREQUENCY * (R1 + R2) * C))
-        return AMPLITUDE * R2 * (R1 + R2 * swing) / (R1 + R2)
-
-    return float(brentq(lambda C: amplitude(C) - FIRST_VOLTAGE, 0.1, 100.0))
+    return float(brentq(lambda C: periodic_voltage(fresh.R1, fresh.R2, C) - FIRST_VOLTAGE, 0.1, 100.0))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
-from . import actuator, analyser, degradation, foot, forgetting, identification, work_loops
+from . import actuator, analyser, degradation, foot, force_loop, forgetting, identification, work_loops
 from .claim import Claim, Erratum, Illustration
 
 CHAPTERS = {
-    "Chapter 2: the bench": (analyser,),
+    "Chapter 2: the bench": (analyser, force_loop),
     "Chapters 1 and 3: the actuator": (actuator, identification),
     "Chapter 4: degradation": (forgetting, degradation),
     "Chapter 5: the foot": (foot, work_loops),
@@ -22,7 +22,7 @@ def findings() -> dict[str, tuple[Claim | Erratum, ...]]:
 
 
 def claims() -> dict[str, list[Claim]]:
-    """Printed figures with what the computation gives, by chapter."""
+    """Figures and statements with what the computation gives, by chapter."""
     return {title: [f for f in found if isinstance(f, Claim)] for title, found in findings().items()}
 
 

@@ -54,19 +54,3 @@ def response(current: ArrayLike, r1: ArrayLike = CIRCUIT[0], period: float = PER
         voltage[k] = r2 * (r * now + charge / c) / (r + r2)
         charge = r2 * c * now + (charge - r2 * c * now) * exp(-period / ((r + r2) * c))
     return voltage
-
-
-def settled(current: float, frequency: float) -> tuple[float, float]:
-    """Largest charge (C) and voltage (V) of the circuit under a square wave that has lasted.
-
-    Parameters
-    ----------
-    current : float
-        Amplitude in A.
-    frequency : float
-        Hz.
-    """
-    r1, r2, c = CIRCUIT
-    fade = exp(-0.5 / frequency / ((r1 + r2) * c))
-    charge = r2 * c * current * (1.0 - fade) / (1.0 + fade)
-    return charge, (r1 * (r2 * current - charge / c) / (r1 + r2)) + charge / c

@@ -1,6 +1,8 @@
 """What a chapter yields: claims, each a printed figure beside the recomputed one; errata; figures.
 
 A claim holds if the recomputed value rounds to the printed one. The tolerance is thus the printed digits and no choice.
+Most claims are figures or statements that the thesis prints. Some are inferred: what follows from its print in one
+place is held against what it has in another.
 """
 
 from __future__ import annotations
@@ -9,19 +11,20 @@ import itertools
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
-_PRINTED = re.compile(rf"(?P<relation>[<>≤≥])?(?P<low>{_NUMBER})(?: to (?P<high>{_NUMBER}))?")
+_PRINTED = re.compile(rf"(?P<relation>[<>≤≥~])?(?P<low>{_NUMBER})(?: to (?P<high>{_NUMBER}))?")
 _ROUNDING = 1e-9  # of half a digit: 0.9865 has been rounded to 0.987
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A printed figure and what the computation gives in its place.
+    """A figure or statement and what the computation gives in its place.
 
     Attributes
     ----------
@@ -30,7 +33,7 @@ class Claim:
     what : str
         The quantity.
     published : str
-        As printed: ``"0.45"``, ``"<0.1"``, ``"7 to 10"``, or a word.
+        As printed: ``"0.45"``, ``"<0.1"``, ``"7 to 10"``, ``"~1e2"`` for an order of magnitude, or a word.
     reproduced : float or str
         In the same unit.
     unit : str
@@ -43,6 +46,8 @@ class Claim:
         Row of ``docs/errata.md``.
     allowed : tuple of float or None
         Least and largest value that the rounding of the printed inputs allows.
+    inferred : bool
+        The thesis does not print ``published`` of this quantity; it follows from what is printed elsewhere.
     """
 
     where: str
@@ -54,6 +59,7 @@ class Claim:
     consistent: str = ""
     erratum: int | None = None
     allowed: tuple[float, float] | None = None
+    inferred: bool = False
 
     def _parts(self) -> tuple[str, float, float, float]:
         """Relation, lower and upper figure, and half a unit of the last printed digit."""
@@ -68,6 +74,8 @@ class Claim:
         """Values that would have been printed so."""
         relation, low, high, half = self._parts()
         half *= 1.0 + _ROUNDING
+        if relation == "~":
+            return low / sqrt(10.0), high * sqrt(10.0)
         if relation:
             return (-float("inf"), high) if relation in "<≤" else (low, float("inf"))
         return low - half, high + half

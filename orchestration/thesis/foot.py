@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import log10, radians
+from math import degrees, log10
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmus.foot.model import Foot
 from fmus.foot.thesis import MILLIMETRES_PER_INCH, printed
-from fmus.kit.units import parse
 from orchestration import pictures
 
 from . import motor
@@ -25,7 +24,7 @@ TABLE = {
     "l_1": ("50.8", 2.00), "l_2": ("62.5", 2.46), "l_3": ("23.6", 0.93), "l_po,0": ("93.2", 3.67),
     "l_an,0": ("97.5", 3.84), "l_do,0": ("113.3", 4.46), "l_pl,0": ("139.2", 5.48), "r_po": ("41.7", 1.64),
     "r_an": ("18.0", 0.71), "r_do": ("23.1", 0.91), "r_pl": ("16.3", 0.64), "beta_pf": ("49.0", 49.03),
-    "beta_af": ("30.9", 30.896), "beta_p": ("10.1", 10.075), "beta_po": ("57.7", 57.66), "beta_an": ("50.7", 50.71),
+    "beta_df": ("30.9", 30.896), "beta_p": ("10.1", 10.075), "beta_po": ("57.7", 57.66), "beta_an": ("50.7", 50.71),
     "gamma_po": ("12.9", 12.901), "gamma_an": ("6.1", 6.126), "gamma_do": ("15.1", 15.064),
 }  # fmt: skip
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
@@ -45,19 +44,21 @@ def _motor() -> Iterator[Finding]:
 
     driven, muscle = DcMotor(), Maxwell()
     integrators = int(np.sum(np.abs(control.poles(driven.transfer_function())) < 1e-9))
-    yield Claim("eq. 5.1", "free integrators of the motor", "1", float(integrators))
+    yield Claim("eq. 5.1", "free integrators of the motor", "1", float(integrators), inferred=True)
     lasting = float(abs(muscle.stiffness(0.0)))
     yield Claim(
         "section 5.1 against eq. 5.17", "stiffness of PPy under a lasting load", ">0", lasting, "N/m",
         "s k b/(b s + k) vanishes at rest, and eq. 3.7 has the pole s = 0: by the reading of section 5.1 PPy has none "
-        "either", erratum=34,
+        "either", erratum=34, inferred=True,
     )  # fmt: skip
     load = 2.75  # N
     volts, watts = driven.holding(load)
     yield Erratum(
-        34, "section 5.1", "the free integrator of eq. 5.1 is a lack of stiffness; PPy inherently has stiffness",
-        f"eqs. 3.7 and 5.17 have a free integrator too; under a lasting load the stiffness is {lasting:g} N/m in "
-        f"either. PPy is a spring for b/k = {muscle.time_constant:.0f} s; a small shorted motor (assumed) yields after "
+        34, "section 5.1",
+        "the free integrator of eq. 5.1 can be read as a lack of stiffness; PPy inherently has stiffness",
+        "by that reading PPy has none either: eqs. 3.7 and 5.17 have a free integrator too, their stiffness under a "
+        f"lasting load is {lasting:g} N/m. What differs is the time: PPy is a spring for b/k = "
+        f"{muscle.time_constant:.0f} s; a small shorted motor (assumed) yields after "
         f"{1e3 * driven.time_constant:.0f} ms and needs {volts:.1f} V and {watts:.2f} W to hold {load:g} N",
         "test_thesis_motor",
     )  # fmt: skip
@@ -71,13 +72,16 @@ def _table() -> Iterator[Finding]:
         length = symbol[0] in "lr"
         value = program * MILLIMETRES_PER_INCH if length else program
         yield Claim("table 5-1", symbol, text, value, "mm" if length else "deg", "appendix A4" + ", in inches" * length)
-    total = sum(TABLE[symbol][1] for symbol in ("beta_pf", "beta_af", "beta_p"))
-    yield Claim("eq. 5.3", "beta_pf + beta_df + beta_p", "90.0", total, "deg", "so that its third link has cosines")
-    yield Claim("table 5-1", "symbol of 30.9 deg", "beta_af", "beta_df", reason="eq. 5.3 and appendix A4", erratum=39)
-    yield Erratum(
-        39, "table 5-1", f"β_af = {TABLE['beta_af'][0]}°",
-        f"β_df: with it the three angles of eq. 5.3 make {total:.1f}°, which its cosines for link 3 need", _TEST,
-    )  # fmt: skip
+    total = sum(TABLE[symbol][1] for symbol in ("beta_pf", "beta_df", "beta_p"))
+    yield Claim(
+        "eq. 5.3",
+        "beta_pf + beta_df + beta_p",
+        "90.0",
+        total,
+        "deg",
+        "so that its third link has cosines",
+        inferred=True,
+    )
 
 
 # --- eqs. 5.11 and 5.12 -----------------------------------------------------------------------------------------------
@@ -111,9 +115,11 @@ def _matrices() -> Iterator[Finding]:
         f"move the toe of a {foot_length:.0f} mm foot by {c[0, 0]:.0f} mm. "
         f"Consistent: {_matrix(compliance, '.2f', '.2f')} and {_matrix(damping, '.0f', '.0f')}", "test_foot_thesis",
     )  # fmt: skip
-    yield Claim(
-        "text under eq. 5.12", "C_xx over C_yy, two orders of magnitude", "1e2", c[0, 0] / c[1, 1], "", "as printed"
-    )
+    for name, matrix, right in (("C", c, compliance), ("D", d, damping)):
+        yield Claim(
+            "text under eq. 5.12", f"{name}_xx over {name}_yy, two orders of magnitude", "~1e2",
+            matrix[0, 0] / matrix[1, 1], "", "of the printed matrix", number(right[0, 0] / right[1, 1]), 12,
+        )  # fmt: skip
     larger = "y" if d[1, 1] > d[0, 0] else "x"
     yield Claim(
         "text under eq. 5.12", "direction of the larger damping", "y", larger,
@@ -121,7 +127,7 @@ def _matrices() -> Iterator[Finding]:
         consistent=f"D_yy = {damping[1, 1] / damping[0, 0]:.1f} D_xx",
     )  # fmt: skip
     yield Erratum(
-        37, "text under eq. 5.12", "the damping is expected to be larger along y",
+        37, "text under eq. 5.12", "the damping is expected to be larger along y, just after it is larger along x",
         f"the printed matrix has it {d[0, 0] / d[1, 1]:.0f} times larger along x; with antagonists in parallel it is "
         f"{damping[1, 1] / damping[0, 0]:.1f} times larger along y, as the text expects", _TEST,
     )  # fmt: skip
@@ -130,7 +136,7 @@ def _matrices() -> Iterator[Finding]:
     yield Claim(
         "eqs. 5.7 and 5.9", "D_x, but for the factor k b", "a matrix of its own",
         "C_x" if share < 1e-9 else "a matrix of its own",
-        reason="damping is mapped as compliance is, so that both are one matrix", erratum=36,
+        reason="damping is mapped as compliance is, so that both are one matrix", erratum=36, inferred=True,
     )  # fmt: skip
     yield Erratum(
         36, "eqs. 5.11, 5.12", "two matrices, compliance and damping",
@@ -141,7 +147,7 @@ def _matrices() -> Iterator[Finding]:
                   / log10(MILLIMETRES_PER_INCH), 1)  # fmt: skip
     yield Claim(
         "appendix A4, J(3,4)", "power of length in C_xx", "0", float(power),
-        reason="r_pl multiplies where the other entries divide by the radius", erratum=35,
+        reason="r_pl multiplies where the other entries divide by the radius", erratum=35, inferred=True,
     )  # fmt: skip
     yield Erratum(
         35, "appendix A4, `J(3,4)`", "`L(4)*rpl/sqrt(L(4)^2-lopl^2)`",
@@ -168,7 +174,7 @@ def _statics() -> Iterator[Finding]:
     series = 1.0 / sum(1.0 / (k * (arm * 1e-3) ** 2) for arm in arms[:2])  # compliances added, as eq. 5.7 does
     yield Claim(
         "eq. 5.7", "stiffness of the ankle", f"{series:.2f}", ankle, "N*m/rad",
-        "published: compliances of the antagonists added; parallel springs add stiffness", erratum=13,
+        "eq. 5.7 adds compliances of the antagonists; parallel springs add stiffness", erratum=13, inferred=True,
     )  # fmt: skip
     yield Erratum(
         13, "eqs. 5.3, 5.7, 5.9",
@@ -185,20 +191,11 @@ def _statics() -> Iterator[Finding]:
 
 
 def _symbols() -> Iterator[Finding]:
-    inverse = parse("mm/N")
-    right = "mm/N" if (1 / parse("N/mm")).dimensionality == inverse.dimensionality else "N/mm"
-    yield Claim("symbol list", "unit of the compliance c_i", "N/mm", right, reason="inverse of a stiffness", erratum=16)
-    yield Erratum(16, "symbol list", "compliance c_i in N/mm", right)
-    coil = "N*m/A" if (parse("N*m/A") * parse("A")).dimensionality == parse("N").dimensionality else "N/A"
-    yield Claim(
-        "symbol list", "unit of K of the voice coil", "N*m/A", coil, reason="force per current; N*m/A is the motor's",
-        erratum=40,
-    )  # fmt: skip
-    angle = radians(1.0)
+    yield Erratum(16, "symbol list", "compliance c_i in N/mm", "mm/N, as c_i = 1/k_i (symbol list) and in eq. 5.11")
     yield Erratum(
-        40, "symbol list", "K of the voice coil in N·m/A or V·s; joint displacements δθ in deg",
-        f"N/A or V·s/m for the coil; δθ in rad: eq. 5.2 gives mm per rad, and in degrees it would be "
-        f"{1 / angle:.1f} times too large", _TEST,
+        17, "symbol list", "one K for coil and motor, in N·m/A or V·s; joint displacements δθ in deg",
+        f"those are the motor's units; the coil's are N/A or V·s/m. δθ in rad: eq. 5.2 gives mm per rad, and with "
+        f"degrees it would be {degrees(1.0):.1f} times too large", _TEST,
     )  # fmt: skip
 
 

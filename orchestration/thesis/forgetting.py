@@ -70,7 +70,7 @@ def _recursion() -> Iterator[Finding]:
     sizes = [" x ".join(map(str, np.shape(g / (1.0 + phi.T @ phi)))) for g in (phi, np.eye(3))]  # with P = 1
     yield Claim(
         "eqs. 4.7 to 4.9", "size of the gain", sizes[0], sizes[1],
-        reason="as printed it is a matrix times a number: phi is missing", erratum=6,
+        reason="as printed it is a matrix times a number: phi is missing", erratum=6, inferred=True,
     )  # fmt: skip
     yield Erratum(
         6, "eqs. 4.7–4.9", "gain P/(1 + φᵀPφ); with forgetting, 1/α before eq. 4.8",
@@ -104,10 +104,6 @@ def _forgetting() -> Iterator[Finding]:
         f"time constant of the weights; after {asked:g} s a weight of {left:.3f} % is left", erratum=11,
     )  # fmt: skip
     yield known
-    yield Claim(
-        "section 4.1.2", "eq. 4.11 for that weight", f"{factor:g}", forgetting_factor(left, PERIOD, asked), "",
-        "inverse of the row above",
-    )  # fmt: skip
     yield Erratum(
         11, "section 4.1.2, appendix A3", f"α = {factor:g} corresponds to approximately {known.published} seconds",
         f"by eq. 4.11 at {1 / PERIOD:g} Hz that is a weight of {left:.3f} % after {asked:g} s, a memory of "
@@ -119,7 +115,7 @@ def _forgetting() -> Iterator[Finding]:
     right = forgetting_factor(weight, PERIOD, shown)
     yield Claim(
         "appendix A3", "forgetting time of what is plotted at 1 s", f"{shown:g}", PERIOD * log10(0.1) / log10(drawn),
-        "s", "the program evaluates eq. 4.11 at j + 1 and plots at j", erratum=28,
+        "s", "the program evaluates eq. 4.11 at j + 1 and plots at j", erratum=28, inferred=True,
     )  # fmt: skip
     yield Erratum(
         28, "appendix A3", "plot of the forgetting factor over the desired time",

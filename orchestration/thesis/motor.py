@@ -81,28 +81,30 @@ class Maxwell:
 
     Attributes
     ----------
-    stiffness_at_once : float
+    instantaneous_stiffness : float
         k in N/m, of fig. 5-7.
     damping : float
         b in N s/m.
     """
 
-    stiffness_at_once: float = 9100.0
+    instantaneous_stiffness: float = 9100.0
     damping: float = 1.7e6
 
     @property
     def time_constant(self) -> float:
         """Time for which the spring holds, b/k in s."""
-        return self.damping / self.stiffness_at_once
+        return self.damping / self.instantaneous_stiffness
 
     def stiffness(self, frequency: ArrayLike) -> Complex:
         """Force per displacement at frequencies in Hz without charge, s k b/(b s + k) of eq. 5.17, in N/m."""
         s = 2j * np.pi * np.asarray(frequency, dtype=float)
-        return np.asarray(s * self.stiffness_at_once * self.damping / (self.damping * s + self.stiffness_at_once))
+        return np.asarray(
+            s * self.instantaneous_stiffness * self.damping / (self.damping * s + self.instantaneous_stiffness)
+        )
 
     def displacement(self, force: float, time: ArrayLike) -> NDArray[np.float64]:
         """Displacement in m at times in s after a lasting force in N."""
-        return np.asarray(force / self.stiffness_at_once + force / self.damping * np.asarray(time, dtype=float))
+        return np.asarray(force / self.instantaneous_stiffness + force / self.damping * np.asarray(time, dtype=float))
 
 
 def figure() -> Figure:

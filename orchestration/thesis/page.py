@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import os
 import tempfile
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,6 +20,10 @@ from . import chapters
 from .claim import Claim
 
 _STYLE = {"holds": "", "within rounding": "", "only as printed": "yellow", "differs": "red"}
+_COUNTED = {
+    "holds": "hold", "within rounding": "are within the rounding of their inputs",
+    "only as printed": "are reproduced but wrong", "differs": "differ",
+}  # fmt: skip
 
 
 def run(out: Path) -> Path:
@@ -48,7 +53,8 @@ def run(out: Path) -> Path:
             "Every figure that does not need the lost data, recomputed from the models. A figure holds if the computed "
             "value rounds to the printed one; within rounding means that the rounding of the printed inputs "
             "accounts for the difference. Only as printed: the program printed in the thesis gives it, and it is still "
-            "wrong."
+            "wrong. From print: the thesis prints no such figure, but one that it follows from, or an equation "
+            "that another is held against."
         )
         drawings = chapters.illustrations()
         done, count = 0, sum(map(len, drawings.values()))
@@ -92,12 +98,17 @@ def target(out: Path) -> Path:
 
 def _verdict(found: dict[str, list[Claim]]) -> str:
     every = [claim for claims in found.values() for claim in claims]
-    count = {verdict: sum(c.verdict == verdict for c in every) for verdict in _STYLE}
+    printed, inferred = (_counted([c for c in every if c.inferred is kind]) for kind in (False, True))
     return (
-        f"{len(every)} printed figures: {count['holds']} hold, {count['within rounding']} are within the rounding of "
-        f"their inputs, {count['only as printed']} are reproduced but wrong, {count['differs']} differ, each with its "
-        f"reason; {len(chapters.errata())} errata."
+        f"{printed[0]} printed figures and statements: {printed[1]}. {inferred[0]} that follow from print: "
+        f"{inferred[1]}. Each that does not hold has its reason; {len(chapters.errata())} errata."
     )
+
+
+def _counted(claims: Sequence[Claim]) -> tuple[int, str]:
+    """Their number, and how many have each verdict."""
+    count = Counter(c.verdict for c in claims)
+    return len(claims), ", ".join(f"{count[verdict]} {words}" for verdict, words in _COUNTED.items() if count[verdict])
 
 
 def show(found: dict[str, list[Claim]]) -> None:
@@ -111,10 +122,14 @@ def show(found: dict[str, list[Claim]]) -> None:
         table.add_column("difference", justify="right", no_wrap=True)
         table.add_column("note", ratio=10)
         for c in claims:
-            cells = [c.where, c.what, c.published, _value(c), _difference(c), _note(c)]
+            cells = [c.where, c.what, _published(c), _value(c), _difference(c), _note(c)]
             table.add_row(*map(escape, cells), style=_STYLE[c.verdict])
         screen.out.print(table, soft_wrap=False)
         screen.out.print()
+
+
+def _published(claim: Claim) -> str:
+    return claim.published + " (from print)" * claim.inferred
 
 
 def _value(claim: Claim) -> str:
@@ -139,7 +154,7 @@ def _note(claim: Claim, brief: bool = True) -> str:
 
 def _table(claims: Sequence[Claim]) -> str:
     head = ("where", "quantity", "published", "reproduced", "difference", "note")
-    rows = [[c.where, c.what, c.published, _value(c), _difference(c), _note(c, brief=False)] for c in claims]
+    rows = [[c.where, c.what, _published(c), _value(c), _difference(c), _note(c, brief=False)] for c in claims]
     return _wrapped(head, rows, widths={0: 6, 1: 9, 5: 14}, marked=[not c.holds for c in claims])
 
 
