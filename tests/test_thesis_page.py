@@ -86,6 +86,7 @@ def test_progress_is_told(done):
         ("plain", "name a folder or a file that ends in .html"),
         ("plain/thesis.html", "cannot write in "),
         ("plain/made", "cannot write in "),
+        ("a" * 300 + ".html", "File name too long"),
     ],
 )
 def test_a_bad_place_is_refused(out, message, tmp_path, monkeypatch):

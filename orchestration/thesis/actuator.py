@@ -85,7 +85,8 @@ def _speed() -> Iterator[Finding]:
         f"{used:g} mm/C is {ratio.published} times what the latest actuators can do; strain rate {speed.published} %/s "
         f"of the maker's (section 1.2), {others.published} %/s in the literature (table 1-1)",
         f"it is {ratio.reproduced:.0f} times the {alpha:g} mm/C that chapter 3 measures, with which "
-        f"{CURRENT_LIMIT:g} A give {rate:.2f} %/s at most. The statements want a larger α, "
+        f"{CURRENT_LIMIT:g} A strain a film of {1e3 * length:.1f} mm, the shortest of table 5-1, by {rate:.2f} %/s at "
+        "most. The statements want a larger α, "
         f"{float(speed.published) / rate:.0f} to {float(others.published) / rate:.0f} times; they can be about other "
         "actuators, and the data are lost",
         "test_thesis_actuator",

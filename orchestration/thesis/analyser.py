@@ -44,10 +44,8 @@ def _instruments() -> Iterator[Finding]:
 
 def _resolution() -> Iterator[Finding]:
     step = 2.0 * _DMA["converter_range"] / 2.0 ** _DMA["converter_bits"]
-    force = step / (_DMA["load_cell_sensitivity"] * _DMA["instrumentation_gain"])
     position = convert(step / _DMA["potentiometer_sensitivity"], "m", "mm")
-    about = "the amplification is not printed; with that of the component"
-    yield Claim("section 2.2.2", "resolution of the force", "<0.001", force, "N", about)
+    about = "16 bits over the stroke of the potentiometer"
     yield Claim("section 2.2.2", "resolution of the position", "<0.003", float(position), "mm", about)
 
 

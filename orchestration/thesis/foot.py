@@ -178,7 +178,7 @@ def _statics() -> Iterator[Finding]:
     )  # fmt: skip
     yield Erratum(
         13, "eqs. 5.3, 5.7, 5.9",
-        "the program has sin where eq. 5.3 has cos; compliances of antagonists add",
+        "the program has sin where eq. 5.3 has cos, and two of its signs turned; compliances of antagonists add",
         "antagonists on one joint act in parallel: stiffness and damping add, K_θ = Rᵀ K_ℓ R. With moment arms of "
         f"{arms[0]:.1f}, {arms[1]:.1f}, {arms[2]:.1f} and {arms[3]:.1f} mm the ankle has {ankle:.2f} N·m/rad and "
         f"the toe {toe:.2f} N·m/rad; adding compliances leaves {series:.2f} N·m/rad at the ankle. "

@@ -86,13 +86,18 @@ def target(out: Path) -> Path:
     UserError
         If it can be neither a folder nor an .html file, or not be made there.
     """
-    named = out.suffix.lower() in (".html", ".htm") and not out.is_dir()
-    if not named and not out.is_dir() and (out.suffix or out.exists()):
-        raise UserError(f"--out {out}: name a folder or a file that ends in .html")
-    path = out if named else out / "thesis.html"
-    above = next(p for p in path.absolute().parents if p.exists())
-    if not (above.is_dir() and os.access(above, os.W_OK)):
-        raise UserError(f"--out {out}: cannot write in {above}")
+    try:
+        named = out.suffix.lower() in (".html", ".htm") and not out.is_dir()
+        if not named and not out.is_dir() and (out.suffix or out.exists()):
+            raise UserError(f"--out {out}: name a folder or a file that ends in .html")
+        path = out if named else out / "thesis.html"
+        above = next(p for p in path.absolute().parents if p.exists())
+        if not (above.is_dir() and os.access(above, os.W_OK)):
+            raise UserError(f"--out {out}: cannot write in {above}")
+        if path.is_dir() or (path.is_symlink() and not path.exists()):
+            raise UserError(f"--out {out}: {path} is there and no file")
+    except OSError as error:
+        raise UserError(f"--out {out}: {error.strerror or error}") from error
     return path
 
 
