@@ -116,6 +116,7 @@ def test_suggestions(name, options, text):
         (["--set", "R1=1 notaunit"], ["R1", "notaunit"]),
         (["--set", "R1=-0.1"], ["R1=-0.1", "-0.1 ohm is out of range", "0 … 1e+06 ohm"]),
         (["--set", "C=0F"], ["C=0F", "0 F is out of range", "1e-09 … 1e+09 F"]),
+        (["--set", "R1=-1e-9ohm"], ["R1=-1e-9ohm", "out of range"]),
         (["--set", "R1=1e999"], ["R1=1e999", "out of range"]),
         (["--set", "R1=nan"], ["R1=nan", "'nan' is not a number"]),
         (["--set", "R1"], ["'R1'", "name=value"]),

@@ -15,7 +15,9 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import binom
 
+from fmus import component
 from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
+from fmus.kit.compiled import CompiledModel
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.identify.grey_box import autoregression, fit
@@ -301,9 +303,27 @@ def test_mistakes_are_told():
         again(measured, ["R9"])
     with pytest.raises(UserError, match=r"fit of R1 cannot start at -1 ohm; allowed is 0 … 1e\+06 ohm"):
         again(measured, ["R1"], {"R1": -1.0})
+    with pytest.raises(UserError, match="potentiostat is boolean; only real parameters can be fitted"):
+        fit(component("galvanostat"), time, {}, {"current": inputs["current"]}, ["potentiostat"])
     few = {"voltage": np.where(np.arange(time.size) < 2, measured["voltage"], np.nan)}
     with pytest.raises(UserError, match="3 parameters cannot be fitted to 2 measured values"):
         again(few, ELECTRICAL)
+
+
+def test_a_model_that_is_stiff_where_the_search_starts_is_told():
+    """A lag of 4 s seen every 10 s; a start at 0.5 ms is refused, from 2 s the search gets there."""
+    time = np.arange(0.0, 200.0, 10.0)
+    command = np.where(time < 100.0, 1.0, -1.0)
+    galvanostat = component("galvanostat")
+    measured = {
+        "current": CompiledModel(galvanostat)
+        .run(time, {"current_command": command}, {"response_time": 4.0})
+        .signals["current"]
+    }
+    again = partial(fit, galvanostat, time, {"current_command": command}, measured, ["response_time"])
+    with pytest.raises(UserError, match="more than 2000 internal steps per sample"):
+        again({"response_time": 5e-4})
+    assert again({"response_time": 2.0}).values["response_time"] == pytest.approx(4.0, rel=1e-6)
 
 
 # --- records that nobody here made ------------------------------------------------------------------------------------

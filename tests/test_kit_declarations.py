@@ -129,6 +129,14 @@ def test_stacks_are_named_and_remember_their_parts():
     assert cls.presets is Thermostat.presets
 
 
+def test_a_long_name_is_cut_and_stays_its_own():
+    many = [type(f"Effect{k}", (Effect,), {"id": f"a_rather_long_identifier_{k}"}) for k in range(12)]
+    name, other = stack(Thermostat, *many).name, stack(Thermostat, *many[::-1]).name
+    assert name != other
+    assert max(len(name), len(other)) <= 120
+    assert name.startswith("thermostat_with_a_rather_long_identifier_0_with_")
+
+
 def test_stacking_on_a_stack_is_stacking_at_once():
     twice, once = stack(stack(Thermostat, Warmer), Doubled), stack(Thermostat, Warmer, Doubled)
     assert twice.stacked == once.stacked

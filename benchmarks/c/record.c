@@ -52,7 +52,7 @@ static long advance(const Parameters *p, double current, double force, double ti
     while (time < target) {
         double left = target - time, h = *hint <= 0.999 * left ? *hint : left;
         double error = try_step(p, current, force, h, tolerance, x, k1, k5, trial);
-        double next = h * (error == 0.0 ? 5.0 : fmin(fmax(0.9 * pow(error, -0.25), 0.2), 5.0));
+        double next = h * (error == 0.0 ? 5.0 : fmin(fmax(0.9 / sqrt(sqrt(error)), 0.2), 5.0));
         tried++;
         if (error <= 1.0) {
             time = h == left ? target : time + h;

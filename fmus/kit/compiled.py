@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from . import archive, codegen, toolchain
 from .component import Component
 from .errors import UserError
+from .hoist import hoist
 from .sensitivity import with_sensitivities
 from .trace import Graph, trace
 
@@ -65,7 +66,8 @@ class CompiledModel:
         self.layout = base.layout
         self.names = list(sensitivities)
         self._graph = with_sensitivities(base, self.names)
-        self._simulate = _load(self._graph)
+        hoisted, self._hoisted = hoist(self._graph)
+        self._simulate = _load(hoisted)
 
     def run(
         self,
@@ -73,6 +75,7 @@ class CompiledModel:
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float] | None = None,
         linear: bool = False,
+        effort: float = 1e6,
     ) -> Trajectory:
         """Simulate.
 
@@ -86,6 +89,8 @@ class CompiledModel:
             Values that replace defaults, SI.
         linear : bool
             Interpolate inputs between samples instead of holding them.
+        effort : float
+            Internal steps per sample, on average, that are made before it is given up.
 
         Returns
         -------
@@ -108,6 +113,7 @@ class CompiledModel:
             if name not in values:
                 raise UserError(f"no parameter named {name!r}")
             values[name] = float(value)
+        given = np.array(list(values.values()))
         n = len(time)
         fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
@@ -116,8 +122,8 @@ class CompiledModel:
         message = ctypes.create_string_buffer(1024)
         failed = self._simulate(
             n, _pointer(np.ascontiguousarray(time, dtype=float)), _pointer(table), int(linear),
-            _pointer(np.array(list(values.values()))), self._graph.tolerance,
-            _pointer(outputs), _pointer(states), message, len(message),
+            _pointer(np.concatenate([given, self._hoisted(given).full()[:, 0]])), self._graph.tolerance,
+            effort, _pointer(outputs), _pointer(states), message, len(message),
         )  # fmt: skip
         if failed:
             raise UserError(message.value.decode(errors="replace"))
@@ -161,7 +167,7 @@ def _load(graph: Graph) -> Any:
     function = ctypes.CDLL(str(path)).ppy_simulate
     function.argtypes = [
         ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, ctypes.c_double,
-        _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
+        ctypes.c_double, _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
     ]  # fmt: skip
     function.restype = ctypes.c_int
     return function

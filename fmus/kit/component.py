@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
+from zlib import crc32
 
 from .declare import Declaration, Layout, Preset, arrange, check, take
 from .errors import UserError
+
+_LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
 
 class Component:
@@ -118,6 +121,12 @@ def _label(effect: type[Effect]) -> str:
     return f"{effect.id}_of_{effect.output}" if effect.output else effect.id
 
 
+def _joined(parts: list[str]) -> str:
+    """Join names into one; a long one ends in a number that tells it apart, because it becomes a file name."""
+    name = "_with_".join(parts)
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
+
+
 def _owners(cls: type[Component]) -> dict[str, type]:
     """Variables of a class, and by which of its bases each is declared."""
     return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
@@ -133,7 +142,7 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
     *effects : type[Effect]
         Effects, innermost first.
     name : str, optional
-        FMU name of the result; default joins the ids, with the output that an effect is of.
+        FMU name of the result; default joins the ids, with the output that an effect is of, as far as a file name goes.
 
     Returns
     -------
@@ -146,7 +155,7 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
         such output.
     """
     prefix = base.name
-    name = name or "_with_".join([prefix, *map(_label, effects)])
+    name = name or _joined([prefix, *map(_label, effects)])
     base, earlier = vars(base).get("stacked", (base, ()))
     effects = (*earlier, *effects)
     ids = [_label(e) for e in effects]

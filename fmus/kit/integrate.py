@@ -186,7 +186,7 @@ class Integrator:
             if error <= 1.0 and h == left and self.hint == math.inf:
                 return used
             following = (
-                h * min(max(0.9 * error**-0.25, 0.2), 5.0)
+                h * min(max(0.9 / math.sqrt(math.sqrt(error)), 0.2), 5.0)
                 if 0.0 < error < math.inf
                 else h * (5.0 if error == 0.0 else 0.1)
             )

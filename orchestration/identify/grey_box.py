@@ -29,6 +29,7 @@ _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside
 _MOST_ORDER = 4  # of the noise model
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
+_EFFORT = 2000  # internal steps per sample: beyond, a search has strayed to parameters that make the model stiff
 _FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
 
 
@@ -105,6 +106,9 @@ class _Problem:
         self.model = CompiledModel(cls, names)
         self.declared = {p.name: p for p in self.model.layout.parameters}
         self.time, self.inputs, self.names = time, inputs, list(names)
+        for name in self.names:
+            if name in self.declared and self.declared[name].type != "real":
+                raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
@@ -117,7 +121,7 @@ class _Problem:
         """Return residuals (n,) and Jacobian (n, p) of every output, where it was measured."""
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
-            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q))
+            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort=_EFFORT)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             error = {o: (trajectory.signals[o] - y)[self.present[o]] for o, y in self.measured.items()}
             jacobian = {o: trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
@@ -128,6 +132,12 @@ class _Problem:
         return {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
 
     def error(self, q: Array) -> Array:
+        try:
+            self.evaluate(q)
+        except UserError:
+            if self._at is None:
+                raise  # already where the search starts
+            return np.full(sum(int(p.sum()) for p in self.present.values()), np.inf)  # a point to step back from
         return np.concatenate([self.weight[o] * e for o, e in self.evaluate(q)[0].items()])
 
     def jacobian(self, q: Array) -> Array:

@@ -93,7 +93,7 @@ static bool spend(Engine *engine, double time, Message message) {
 
 /* The step to try after one of size `h`, which had this error. */
 static double following(double h, double error) {
-    return h * (error == 0.0 ? 5.0 : isfinite(error) ? fmin(fmax(0.9 * pow(error, -0.25), 0.2), 5.0) : 0.1);
+    return h * (error == 0.0 ? 5.0 : isfinite(error) ? fmin(fmax(0.9 / sqrt(sqrt(error)), 0.2), 5.0) : 0.1);
 }
 
 bool integrate(Engine *engine, double time, double target, Message message) {

@@ -41,26 +41,38 @@ static bool all_finite_at(const double *memory, double time, Message message) {
     return true;
 }
 
-static bool run(Engine *engine, size_t n, const double *time, const double *inputs, int linear, double *outputs_at,
-                double *states_at, Message message) {
-    double *memory = engine->memory;
+static bool run(Engine *engine, size_t n, const double *time, const double *inputs, int linear, double effort,
+                double *outputs_at, double *states_at, Message message) {
+    double *memory = engine->memory, left = effort * (double)n;
     for (size_t k = 0; k < n; k++) {
         memcpy(memory + FIRST_INPUT, inputs + k * MODEL_INPUTS, MODEL_INPUTS * sizeof(double));
         if (!engine_evaluate(engine, time[k], message) || !all_finite_at(memory, time[k], message))
             return false;
         memcpy(outputs_at + k * MODEL_OUTPUTS, memory + FIRST_OUTPUT, MODEL_OUTPUTS * sizeof(double));
         memcpy(states_at + k * REMEMBERED, memory + FIRST_STATE, REMEMBERED * sizeof(double));
-        if (k + 1 < n && !step(engine, time, inputs, k, linear, message))
+        if (k + 1 == n)
+            break;
+        if (!step(engine, time, inputs, k, linear, message))
             return false;
+        left -= (double)(MOST_STEPS - engine->budget);
+        if (left < 0.0) {
+            snprintf(message, MESSAGE_SIZE,
+                     "more than %g internal steps per sample up to %.10g s: with these parameters a time constant is "
+                     "that much shorter than the time between samples",
+                     effort, time[k + 1]);
+            return false;
+        }
     }
     return true;
 }
 
 /* `inputs` is n x MODEL_INPUTS, `outputs_at` n x MODEL_OUTPUTS, `states_at` n x (states, then discretes), row by row. Row
    k of the latter two belongs to time[k] with the inputs of row k. Inputs are held over each interval, or interpolated
-   when `linear` is set. Returns 0, or 1 with a message. */
+   when `linear` is set. `effort` is how many internal steps per sample are made, on average, before it is given up.
+   Returns 0, or 1 with a message. */
 EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, int linear, const double *parameters,
-                        double tolerance, double *outputs_at, double *states_at, char *message, size_t message_size) {
+                        double tolerance, double effort, double *outputs_at, double *states_at, char *message,
+                        size_t message_size) {
     /* not on the stack, which a thread may have little of */
     double *memory = calloc(MEMORY_SIZE, sizeof *memory);
     Engine *engine = calloc(1, sizeof *engine);
@@ -69,7 +81,7 @@ EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, int 
     if (done && n > 0) {
         start(memory, time[0], parameters, tolerance);
         engine->memory = memory;
-        done = run(engine, n, time, inputs, linear, outputs_at, states_at, text);
+        done = run(engine, n, time, inputs, linear, effort, outputs_at, states_at, text);
     }
     snprintf(message, message_size, "%s", text);
     free(engine);
