@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -26,6 +27,29 @@ Array = NDArray[np.float64]
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
+def unpack(path: Path) -> str:
+    """Unzip an FMU into a new temporary folder, which the caller removes.
+
+    Raises
+    ------
+    UserError
+        If it holds nothing that runs on this machine, or cannot be unzipped.
+    """
+    with Archive(path) as archive:
+        if fmpy.platform not in archive.platforms:
+            there = ", ".join(archive.platforms) or "none"
+            raise UserError(f"{path}: no binary for {fmpy.platform}; it has {there}")
+    folder = tempfile.mkdtemp(prefix="ppy-fmu-")
+    try:
+        fmpy.extract(str(path), folder)
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if not isinstance(error, Exception):
+            raise
+        raise UserError(f"{path}: cannot be loaded ({first_line(error)})") from error
+    return folder
+
+
 class Fmu:
     """One instance of an FMU; a context manager that frees it and removes its unzipped folder.
 
@@ -35,6 +59,10 @@ class Fmu:
         The ``.fmu`` file.
     parameters : Mapping[str, float], optional
         Start values by name, in the FMU's units.
+    name : str, optional
+        Of the instance; default the model's.
+    folder : str, optional
+        Where it is unzipped already, for several instances; it stays.
 
     Raises
     ------
@@ -48,14 +76,22 @@ class Fmu:
         Scalar variables by name.
     """
 
-    def __init__(self, path: Path, parameters: Mapping[str, float] | None = None):
+    def __init__(
+        self,
+        path: Path,
+        parameters: Mapping[str, float] | None = None,
+        name: str | None = None,
+        folder: str | None = None,
+    ):
         self.path = path
         self.parameters = dict(parameters or {})
         self.description = read_description(path)
         self.variables = {v.name: v for v in self.description.modelVariables}
+        self.name = name or self.description.modelName
         self._log = MessageLog()
-        self._folder: str | None = None
+        self._shared, self._folder = folder, folder
         self._slave: Any = None
+        self._corrupted = False
 
     @property
     def messages(self) -> list[str]:
@@ -73,13 +109,8 @@ class Fmu:
         return [v.name for v in self.description.modelVariables if v.causality == "output"]
 
     def __enter__(self) -> Fmu:
-        with Archive(self.path) as archive:
-            if fmpy.platform not in archive.platforms:
-                there = ", ".join(archive.platforms) or "none"
-                raise UserError(f"{self.path}: no binary for {fmpy.platform}; it has {there}")
         try:
-            self._folder = tempfile.mkdtemp(prefix="ppy-fmu-")
-            fmpy.extract(str(self.path), self._folder)
+            self._folder = self._shared or unpack(self.path)
             self._instantiate()
         except BaseException as error:
             self.close()
@@ -98,7 +129,7 @@ class Fmu:
         here = Path.cwd()
         try:
             self._slave = fmi2.FMU2Slave(
-                guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.description.modelName,
+                guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.name,
                 modelIdentifier=self.description.coSimulation.modelIdentifier,
             )  # fmt: skip
         finally:
@@ -119,6 +150,11 @@ class Fmu:
         UserError
             With the FMU's own message if it refuses.
         """
+        self.enter_initialization(time, stop)
+        self.exit_initialization()
+
+    def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
+        """Do the first part of `start`; until `exit_initialization`, inputs and outputs can be exchanged."""
         self._checked("setup", self._slave.setupExperiment, None, time, stop)
         for name in self.parameters:
             role = self._variable(name).causality or "local"
@@ -126,7 +162,37 @@ class Fmu:
                 raise UserError(f"{self.path.name}: {name} is {role}, only parameters and inputs can be set")
             self.writer([name])(np.array([self.parameters[name]]))
         self._checked("initialization", self._slave.enterInitializationMode)
+
+    def exit_initialization(self) -> None:
+        """Do the second part of `start`."""
         self._checked("initialization", self._slave.exitInitializationMode)
+
+    def bound(self, function: str, *arguments: Any) -> Callable[[], int]:
+        """Return a call of an FMI function of this instance that costs as little as Python can make it.
+
+        Parameters
+        ----------
+        function : str
+            Name in the FMI standard.
+        *arguments
+            All arguments but the component: ctypes objects of exactly the right types, whose values are read anew at
+            each call. Nothing is converted or checked.
+
+        Returns
+        -------
+        callable
+            Returns the FMI status, which `failed` tells in words.
+
+        Raises
+        ------
+        UserError
+            If the FMU lacks the function.
+        """
+        try:
+            found = self._slave.dll[function]  # a new object each time, without types to convert to
+        except AttributeError as error:
+            raise UserError(f"{self.path.name}: its library lacks the function {function}") from error
+        return partial(found, ctypes.c_void_p(self._slave.component), *arguments)
 
     def _variable(self, name: str) -> Any:
         if name not in self.variables:
@@ -137,6 +203,7 @@ class Fmu:
         try:
             return call(*arguments)
         except Exception as error:
+            self._corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
             reason = self._log.last(otherwise=first_line(error))
             raise UserError(f"{self.path.name}: {doing} failed: {reason}") from error
 
@@ -210,7 +277,7 @@ class Fmu:
         """
         status = self._do_step(self._slave.component, time, size, 1)
         if status > fmi2.fmi2Warning:
-            raise self._failed(f"step from {time:g} s returned {dict(enumerate(_STATUS)).get(status, status)}")
+            raise self.failed(f"step from {time:g} s", status)
 
     def save(self) -> Any:
         """Return a copy of the whole state, to `restore` any number of times and to `release` in the end.
@@ -254,8 +321,9 @@ class Fmu:
                         check_type(kind, value, f"{self.path.name}: {name}")
                     chosen = [int(value) for value in chosen]
                 values[:] = chosen
-                if call(self._slave.component, references, len(values), values) > fmi2.fmi2Warning:
-                    raise self._failed(f"setting {', '.join(names)} failed")
+                status = call(self._slave.component, references, len(values), values)
+                if status > fmi2.fmi2Warning:
+                    raise self.failed(f"setting {', '.join(names)}", status)
 
         return write
 
@@ -275,8 +343,9 @@ class Fmu:
 
         def read(row: Array) -> None:
             for call, _, _, where, references, values in prepared:
-                if call(self._slave.component, references, len(values), values) > fmi2.fmi2Warning:
-                    raise self._failed(f"reading {', '.join(names)} failed")
+                status = call(self._slave.component, references, len(values), values)
+                if status > fmi2.fmi2Warning:
+                    raise self.failed(f"reading {', '.join(names)}", status)
                 row[where] = values[:]
 
         return read
@@ -284,16 +353,35 @@ class Fmu:
     def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
         return transfers(self._slave.dll, verb, names, {name: self._variable(name) for name in names})
 
-    def _failed(self, what: str) -> UserError:
-        return UserError(f"{self.path.name}: {what}: {self._log.last(otherwise='no message')}")
+    def failed(self, doing: str, status: int, remark: str = "") -> UserError:
+        """Tell what a status worse than a warning means; after `fatal` the instance is never called again.
+
+        Parameters
+        ----------
+        doing : str
+            What it was asked to do.
+        status : int
+            What it returned.
+        remark : str
+            More about it.
+
+        Returns
+        -------
+        UserError
+        """
+        self._corrupted |= status == fmi2.fmi2Fatal
+        returned = dict(enumerate(_STATUS)).get(status, f"status {status}")
+        return UserError(f"{self.path.name}: {doing} failed ({returned}{remark}): {self._log.last('no message')}")
 
     def close(self) -> None:
-        """Free the instance and remove the unzipped folder."""
+        """Free the instance, unless it is corrupted, and remove the unzipped folder."""
+        if self._corrupted:
+            self._slave = None  # freeing it, or unloading its library, may crash the process
         if self._slave is not None:
             if getattr(self._slave, "component", None) is not None:
                 self._slave.fmi2FreeInstance(self._slave.component)
             self._slave.freeLibrary()
             self._slave = None
-        if self._folder is not None:
+        if self._folder is not None and self._folder != self._shared:
             shutil.rmtree(self._folder, ignore_errors=True)
-            self._folder = None
+        self._folder = self._shared

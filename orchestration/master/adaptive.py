@@ -1,0 +1,87 @@
+"""Steps of the master that are as long as the coupling error permits, by step doubling."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fmus.kit.errors import UserError
+from orchestration.master.machine import Machine
+
+_SHORTEST = 1e-12  # of the time, or of a second
+
+
+class Adaptive:
+    """Goes from one communication point to the next in steps of its own.
+
+    Every step is made at once and then, after going back, as two halves. The halves stay; the difference between the
+    two results, of all continuous outputs, is the error, relative to ``tolerance * (nominal + |value|)``.
+
+    Parameters
+    ----------
+    machine : Machine
+    tolerance : float
+
+    Attributes
+    ----------
+    steps, rollbacks : int
+        Steps that stayed, each in two halves, and those that had to be repeated with a shorter one.
+    """
+
+    def __init__(self, machine: Machine, tolerance: float):
+        self._machine, self._tolerance = machine, tolerance
+        self._save, self._restore, self.free = machine.bookmark()
+        by_name = {member.name: member for member in machine.members}
+        self._ports = [p for p in machine.board.at if by_name[p.member].is_continuous(p.variable)]
+        self._places = [machine.board.at[port] for port in self._ports]
+        self._nominal = np.array([by_name[p.member].nominal(p.variable) for p in self._ports])
+        self._order = 1 + machine.settings.extrapolation
+        self._hint = math.inf
+        self.steps = self.rollbacks = 0
+
+    def advance(self, start: float, end: float, k: int) -> None:
+        """Step from point `k` to the next.
+
+        Raises
+        ------
+        UserError
+            If a member fails, or the error stays too large however short the step.
+        """
+        time = start
+        while time < end:
+            size = min(self._hint, end - time)
+            whole = size > 0.999 * (end - time)
+            target = end if whole else time + size
+            self._save()
+            self._step(time, target, k)
+            once = self._machine.board.values[self._places]
+            self._restore()
+            middle = time + 0.5 * (target - time)
+            self._step(time, middle, k)
+            self._step(middle, target, k)
+            twice = self._machine.board.values[self._places]
+            errors = np.abs(twice - once) / (self._tolerance * (self._nominal + np.abs(twice)))
+            error = float(np.max(errors, initial=0.0))
+            factor = 5.0 if error == 0.0 else min(5.0, max(0.2, 0.9 * error ** (-1.0 / (self._order + 1))))
+            if error <= 1.0:
+                self.steps += 1
+                if not whole or size == self._hint:
+                    self._hint = size * factor
+                time = target
+                continue
+            self._restore()
+            self.rollbacks += 1
+            self._hint = (target - time) * factor
+            if self._hint < _SHORTEST * max(1.0, abs(time)):
+                port = self._ports[int(np.argmax(errors))]
+                raise UserError(
+                    f"{port} at {time:.10g} s: the coupling error stays above the tolerance {self._tolerance:g}, "
+                    "however short the step"
+                )
+
+    def _step(self, start: float, end: float, k: int) -> None:
+        machine = self._machine
+        machine.step(machine.everyone, start, end)
+        machine.exchange(machine.everyone.stations, k)
+        machine.learn(machine.everyone)

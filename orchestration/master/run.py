@@ -1,0 +1,313 @@
+"""Running a system: its members step, exchange values, and what they deliver is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from io import BytesIO
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+from orchestration.fmu import Fmu
+from orchestration.master.adaptive import Adaptive
+from orchestration.master.graph import describe
+from orchestration.master.interrupt import Interrupt, deferred
+from orchestration.master.machine import Machine
+from orchestration.master.members import Clock, Instance
+from orchestration.master.opening import columns, open_members, structure
+from orchestration.master.program import Settings
+from orchestration.master.result import Run, Spent, Statistics, Stopped
+from orchestration.signals import read_signal
+from orchestration.system.check import check
+from orchestration.system.model import Port, System
+
+Array = NDArray[np.float64]
+METHODS = ("gauss-seidel", "jacobi")
+
+
+def run(
+    system: System,
+    time: Array,
+    inputs: Mapping[str, Array] | None = None,
+    *,
+    method: str = "gauss-seidel",
+    record: Sequence[str] | None = None,
+    extrapolation: int = 0,
+    feedthrough: bool = True,
+    tolerance: float | None = None,
+    rates: Mapping[str, float] | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Run:
+    """Run a system over given communication points.
+
+    Inputs are set at every point and held until the next. Outputs are recorded after all inputs of the point are set,
+    in an order in which every value is the newest.
+
+    Parameters
+    ----------
+    system : System
+    time : ndarray, shape (n,)
+        Communication points in s, increasing.
+    inputs : Mapping of str to ndarray, shape (n,)
+        By input of the system, or by ``member.variable``, in the FMU's units; what is missing keeps its start value.
+    method : {"gauss-seidel", "jacobi"}
+        Members step one after another with the newest outputs there are, or all with those from the beginning.
+    record : sequence of str, optional
+        Variables ``member.variable`` to record; default every output.
+    extrapolation : {0, 1}
+        Connected inputs are held over a step, or change linearly.
+    feedthrough : bool
+        False: outputs are read at the end of every step, before any input is set. There are no algebraic loops then,
+        but an output that depends on inputs is a step late. This is what FMI 2.0 asks of a master in the strict sense.
+    tolerance : float, optional
+        Between two points take as many steps as it takes to keep the coupling error of each below
+        ``tolerance * (nominal + |value|)``; default one step.
+    rates : Mapping of str to float
+        Steps that a member makes for each step of the system: whole numbers, or 1/2, 1/3, ...
+    progress : callable
+        Told the number of points done, now and then.
+
+    Returns
+    -------
+    Run
+        After Ctrl-C what was computed, marked incomplete.
+
+    Raises
+    ------
+    Stopped
+        If a member fails, discards a step, delivers what is no number, or does not reach the end.
+    UserError
+        If the system cannot be run this way.
+    """
+    check(system)
+    points = _points(time)
+    if method not in METHODS:
+        raise UserError(f"method {method!r}; there are: {', '.join(METHODS)}")
+    if extrapolation not in (0, 1):
+        raise UserError(f"extrapolation {extrapolation!r}: 0 (inputs are held) or 1 (they change linearly)")
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        raise UserError(f"tolerance {tolerance:g}: must be between 0 and 1")
+    fractions = {name: _rate(system.member(name).name, value) for name, value in (rates or {}).items()}
+    settings = Settings(method == "gauss-seidel", extrapolation, feedthrough, tolerance is not None, fractions)
+    fed = columns(system, inputs or {}, len(points))
+    with ExitStack() as opened:
+        members = open_members(system, opened)
+        _check_abilities(members, points, settings)
+        who_feeds_whom, recorded = structure(system, members, list(fed), record, settings)
+        clock = Clock()
+        clock.set(points[0], points[0])
+        for member in members:
+            _named(member, lambda fmu: fmu.enter_initialization(points[0], points[-1]))
+        machine = Machine(members, who_feeds_whom, system.connections, fed, settings, clock)
+        notes = _initialize(machine)
+        return _Runner(machine, points, recorded, tolerance, progress, notes).run()
+
+
+class _Runner:
+    """One run of a machine that is initialized."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        points: list[float],
+        recorded: list[Port],
+        tolerance: float | None,
+        progress: Callable[[int], None],
+        notes: Sequence[str],
+    ):
+        self._said = notes
+        self._machine, self._points, self._recorded, self._progress = machine, points, recorded, progress
+        self._adaptive = None if tolerance is None else Adaptive(machine, tolerance)
+        self._rows = BytesIO()
+        self._done = 0
+        self._wall = 0.0
+
+    def run(self) -> Run:
+        """Go through all communication points."""
+        begin, message, finished = perf_counter(), "", False
+        try:
+            with deferred() as interrupt:
+                self._advance(interrupt)
+            if self._done == len(self._points):
+                self._finish()
+                finished = True
+        except KeyboardInterrupt:
+            pass
+        except UserError as error:
+            self._wall = perf_counter() - begin
+            raise Stopped(str(error), self._result(str(error))) from error
+        self._wall = perf_counter() - begin
+        if not finished:
+            reached = self._points[max(0, self._done - 1)]
+            message = f"interrupted at {reached:.10g} s of {self._points[-1]:.10g} s"
+        return self._result(message)
+
+    def _advance(self, interrupt: Interrupt) -> None:
+        machine, points, linear = self._machine, self._points, self._machine.settings.extrapolation
+        last, every = len(points) - 1, max(1, len(points) // 200)
+        write, cells = self._rows.write, machine.board.cells
+        step, exchange, program = machine.step, machine.exchange, machine.everyone
+        changed = machine.changes(len(points)) if linear else []
+        exchange(program.stations, 0)
+        write(cells)
+        self._done = 1
+        for k in range(1, len(points)):
+            if machine.slow:
+                program = machine.program(machine.due(k, last))
+            if self._adaptive is not None:
+                self._adaptive.advance(points[k - 1], points[k], k - 1)
+            else:
+                step(program, points[k - 1], points[k])
+                if linear:  # slopes are of what came before a jump of the values from outside
+                    exchange(program.stations, k - 1 if changed[k] else k)
+                    machine.learn(program)
+            if not linear or changed[k] or self._adaptive is not None:
+                exchange(program.stations, k)
+            write(cells)
+            self._done = k + 1
+            if k % every == 0:
+                self._progress(k)
+            if interrupt.pressed:
+                break
+
+    def _finish(self) -> None:
+        """Every member must have reached the end, and end properly.
+
+        Raises
+        ------
+        UserError
+            If one has not, or does not.
+        """
+        last = self._points[-1]
+        for member in self._machine.members:
+            reached = member.last_time()
+            if reached is not None and not abs(reached - last) <= 1e-9 * max(1.0, abs(last)):
+                raise UserError(f"{member.name}: says that it is at {reached:.10g} s at the end, {last:.10g} s")
+        if self._adaptive is not None:
+            self._adaptive.free()
+        for _, _, memory in self._machine.loops:
+            memory.free()
+        for member in self._machine.members:
+            member.terminate(self._machine.clock)
+        self._progress(len(self._points))
+
+    def _result(self, message: str) -> Run:
+        machine, done, places = self._machine, self._done, self._machine.board.at
+        table = np.frombuffer(self._rows.getbuffer(), count=done * len(places)).reshape(done, len(places))
+        variables = {m.name: m.fmu.variables for m in machine.members}
+        return Run(
+            np.array(self._points[:done]),
+            {str(port): table[:, places[port]] for port in self._recorded},
+            {str(port): read_signal(variables[port.member][port.variable]).unit for port in self._recorded},
+            not message,
+            message,
+            self._statistics(),
+            {m.name: m.fmu.description.guid for m in machine.members},
+            tuple(self._notes()),
+        )
+
+    def _statistics(self) -> Statistics:
+        machine, adaptive = self._machine, self._adaptive
+        spent = {
+            member.name: Spent(machine.steps_of(member), seconds, seconds / self._wall)
+            for member, seconds in zip(machine.members, machine.seconds, strict=True)
+        }
+        steps = max(0, self._done - 1) if adaptive is None else adaptive.steps
+        rollbacks = 0 if adaptive is None else adaptive.rollbacks
+        evaluations = sum(fixed_point.evaluations for _, fixed_point, _ in machine.loops)
+        return Statistics(spent, steps, rollbacks, evaluations, self._wall)
+
+    def _notes(self) -> Iterator[str]:
+        yield from self._said
+        spent: dict[str, int] = {}
+        for loop, fixed_point, _ in self._machine.loops:  # the same one again where members have rates of their own
+            spent[describe(loop)] = spent.get(describe(loop), 0) + fixed_point.evaluations
+        for name, evaluations in spent.items():
+            yield f"{name}: solved with {evaluations} evaluations"
+        for port in self._machine.everyone.plan.at_step_end:
+            yield (
+                f"{port}: taken as it stands at the end of a step, for it closes a loop, its FMU does not say on which "
+                "inputs it depends, and cannot restore its state"
+            )
+        for member in self._machine.members:
+            if member.warnings:
+                said = "; ".join(member.fmu.messages[-3:]) or "no message"
+                yield f"{member.name}: {member.warnings} calls ended with a warning ({said})"
+
+
+def _points(time: Array) -> list[float]:
+    array = np.asarray(time, dtype=float)
+    if array.ndim != 1 or array.size < 2 or not np.isfinite(array).all() or not (np.diff(array) > 0.0).all():
+        raise UserError("communication points must be at least two finite numbers, each greater than the one before")
+    points: list[float] = array.tolist()
+    return points
+
+
+def _rate(name: str, value: float) -> Fraction:
+    rate = Fraction(value).limit_denominator(10**6) if np.isfinite(value) else Fraction(0)
+    if rate <= 0 or 1 not in (rate.numerator, rate.denominator):
+        raise UserError(f"rate {value:g} of {name}: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3, ...")
+    return rate
+
+
+def _check_abilities(members: Sequence[Instance], points: list[float], settings: Settings) -> None:
+    """Refuse what a member says it cannot do."""
+    sizes = np.diff(points)
+    for member in members:
+        slow = 1 / settings.rates.get(member.name, Fraction(1))
+        uneven = np.ptp(sizes) > 1e-6 * sizes[0] or (slow > 1 and sizes.size % int(slow) != 0)
+        if (uneven or settings.adaptive) and not member.can_vary_step:
+            raise UserError(
+                f"{member.name}: its steps must all be of one size (canHandleVariableCommunicationStepSize is false)"
+            )
+        if settings.adaptive and not member.can_restore:
+            raise UserError(
+                f"{member.name}: cannot restore its state (canGetAndSetFMUstate is false), which a tolerance needs"
+            )
+        if settings.adaptive and slow > 1:
+            raise UserError(f"{member.name}: a rate below 1 does not go with a tolerance")
+
+
+def _initialize(machine: Machine) -> list[str]:
+    """Pass start values on until they no longer change, and end the initialization; what should be known of it.
+
+    Raises
+    ------
+    UserError
+        If a member refuses.
+    """
+    notes = []
+    for _ in range(len(machine.members) + 2):
+        before = machine.feed.values.copy()
+        _propagate(machine)
+        settled = np.isclose(before, machine.feed.values, rtol=1e-9, atol=1e-12)
+        if settled.all():
+            break
+    else:
+        moving = ", ".join(str(port) for port, i in machine.feed.at.items() if not settled[i])
+        notes.append(f"start values depend on each other in a circle and do not settle: {moving}")
+    for member in machine.members:
+        _named(member, lambda fmu: fmu.exit_initialization())
+    machine.read_early()
+    return notes
+
+
+def _propagate(machine: Machine) -> None:
+    try:
+        machine.read_early()
+        machine.exchange(machine.everyone.stations, 0)
+    except UserError:
+        for member in machine.members:  # parameters are judged at the end, and bad ones are the likelier reason
+            _named(member, lambda fmu: fmu.exit_initialization())
+        raise
+
+
+def _named(member: Instance, act: Callable[[Fmu], None]) -> None:
+    try:
+        act(member.fmu)
+    except UserError as error:
+        raise UserError(f"{member.name}: {error}") from error
