@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from . import ageing, building, importing, machine, record, stepping
+from . import ageing, building, coupling, importing, machine, master, record, stepping
 from .tables import Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
@@ -14,6 +14,8 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
     "step": stepping.measure,
     "record": record.measure,
     "ageing": ageing.measure,
+    "master": master.measure,
+    "coupling": coupling.measure,
     "import": importing.measure,
     "build": building.measure,
 }

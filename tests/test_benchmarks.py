@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import ageing, building, importing, machine, record, stepping
+from benchmarks import ageing, building, coupling, importing, machine, master, record, stepping
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
 
@@ -60,6 +60,32 @@ def test_ageing() -> None:
     assert found[ageing.LIFE][-1] == 1.0
     for best, speed, _, _ in found.values():
         assert speed * best == pytest.approx(20.0)
+
+
+def test_coupling() -> None:
+    (table,) = coupling.measure(quick=True).tables
+    found = rows(table)
+    assert list(found) == list(coupling.WAYS)
+    for coarse, fine, order, *_ in found.values():
+        assert order == pytest.approx(math.log2(coarse / fine), abs=0.006)
+
+
+def test_master() -> None:
+    alone, recorded, size, length = master.measure(quick=True).tables
+    assert list(rows(alone)) == [master.OURS, master.CALLS, master.ECOS, master.COSIM]
+    assert list(rows(recorded)) == [master.OURS, master.OURS_IN_TURN, master.ECOS, master.COSIM, master.FUSED]
+    for table in (alone, recorded):
+        assert rows(table)[master.OURS][-1] == 1.0
+        assert all(best > 0.0 for best, _ in rows(table).values())
+    for table in (size, length):
+        counts = [int(n) for n in rows(table)]
+        assert counts == sorted(counts)
+
+
+def test_master_refuses_to_time_different_results() -> None:
+    master.check_agreement({master.OURS: 1.0, master.ECOS: 1.0 + 1e-12})
+    with pytest.raises(RuntimeError, match=r"Ecos: position 1\.001 after the last step, ours 1\.0"):
+        master.check_agreement({master.OURS: 1.0, master.ECOS: 1.001})
 
 
 def test_import() -> None:
@@ -155,4 +181,4 @@ def test_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 def test_unknown_topic(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         command.main(["speed"])
-    assert "unknown topic 'speed'; there are: step, record, ageing, import, build" in capsys.readouterr().err
+    assert f"unknown topic 'speed'; there are: {', '.join(command.TOPICS)}" in capsys.readouterr().err
