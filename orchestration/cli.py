@@ -14,6 +14,8 @@ from fmus.kit.errors import UserError
 
 _INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 app = typer.Typer(name="ppy", add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+systems = typer.Typer(help="Systems of components: show, draw, check, and export as SSP.")
+app.add_typer(systems, name="system")
 
 
 def _option(*names: str, help: str, metavar: str | None = None) -> Any:
@@ -36,6 +38,7 @@ Map = Annotated[
     ),
 ]
 Runtime = Annotated[str, typer.Option("--runtime", help="Which build of a component to run: native or python.")]
+System = Annotated[str, typer.Argument(metavar="NAME_OR_SSP", help="A system (see ppy system list) or its file.")]
 Picture = Annotated[Path | None, _option("--plot", help="Picture to draw (.png, .svg or .pdf).")]
 
 
@@ -123,6 +126,38 @@ def simulate(
 
 
 @app.command()
+def run(
+    experiment: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME|FILE.toml|RESULT", help="One of --list, a file, or a result to make again."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        _option("--set", metavar="KEY=VALUE", help="Over the file: duration=20s, R1=610mohm, inputs.current.value=1."),
+    ] = None,
+    out: Annotated[Path | None, _option("--out", help="Result: .nc, .parquet (both can be run again) or .csv.")] = None,
+    plot: Annotated[Path | None, _option("--plot", help="Picture (.png, .svg, .pdf) or page (.html).")] = None,
+    runtime: Annotated[
+        str | None, _option("--runtime", help="Which build of components to run: native, python.")
+    ] = None,
+    show_list: Annotated[bool, typer.Option("--list", help="List the experiments that ship.")] = False,
+) -> None:
+    """Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit."""
+    from orchestration import screen_run
+
+    if show_list:
+        screen_run.catalogue()
+        return
+    if experiment is None:
+        raise UserError("ppy run needs the name or the file of an experiment (ppy run --list shows what there is)")
+    complete, reproduced = screen_run.run(experiment, settings or [], runtime, out, plot)
+    if not complete:
+        raise KeyboardInterrupt
+    if not reproduced:
+        raise typer.Exit(1)
+
+
+@app.command()
 def compare(
     record: Annotated[Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")],
     model: Annotated[str, typer.Option(metavar="NAME_OR_FMU", help="A component or an .fmu file.")] = "ppy_actuator",
@@ -163,6 +198,57 @@ def thesis(
     from orchestration.thesis import page as work
 
     work.run(out)
+
+
+@systems.command("list")
+def list_systems() -> None:
+    """List the systems that ship."""
+    from orchestration import screen_system
+
+    screen_system.catalogue()
+
+
+@systems.command("show")
+def show_system(name: System) -> None:
+    """Show a system's members, connections, inputs and outputs."""
+    from orchestration import screen_system
+
+    screen_system.show(name)
+
+
+@systems.command("draw")
+def draw_system(
+    name: System,
+    out: Annotated[Path | None, _option("--out", help="Picture (.png, .svg or .pdf); default NAME.png.")] = None,
+) -> None:
+    """Draw a system: members as boxes, connections as arrows."""
+    from orchestration import screen_system
+
+    screen_system.draw(name, out)
+
+
+@systems.command("export")
+def export_system(
+    name: System,
+    out: Annotated[Path | None, _option("--out", help="The .ssp, or a .ssd with resources/; default NAME.ssp.")] = None,
+    runtime: Runtime = "native",
+    connectors: Annotated[
+        bool,
+        typer.Option("--connectors", help="Inputs and outputs as connectors of the system; not for libcosim, Ecos."),
+    ] = False,
+) -> None:
+    """Write a system with its FMUs as SSP 1.0, for any master that reads it."""
+    from orchestration import screen_system
+
+    screen_system.export(name, out, runtime, connectors)
+
+
+@systems.command("check")
+def check_system(file: Annotated[Path, typer.Argument(metavar="FILE.ssp", help="System, ours or anybody's.")]) -> None:
+    """Check a system: everything connected exists and fits, and every input has one source."""
+    from orchestration import screen_system
+
+    screen_system.check_file(file)
 
 
 def main() -> None:

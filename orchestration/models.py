@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmus.kit import units
-from fmus.kit.documentation import allowed, shown
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu_file import read_description
-from orchestration.signals import Signal, check_type, read_signal
+from orchestration.signals import Signal, read_setting, read_signal
 
 if TYPE_CHECKING:
     from fmus.kit import Component
-
-_SETTING = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
-_WORDS = {"true": 1.0, "false": 0.0}
 
 
 @dataclass(frozen=True)
@@ -75,32 +69,15 @@ class Model:
         return values
 
     def _setting(self, name: str, given: str) -> float:
-        where = f"--set {name}={given}"
         signal = self.parameters.get(name) or self.inputs.get(name)
         if signal is None:
             raise UserError(
                 f"{self.name}: no parameter named {name!r}{suggestion(name, [*self.parameters, *self.inputs])}"
             )
-        if signal.type == "boolean" and given.strip() in _WORDS:
-            return _WORDS[given.strip()]
-        match = _SETTING.match(given)
-        if not match:
-            words = " (nor true or false)" if signal.type == "boolean" else ""
-            raise UserError(f"{where}: {given!r} is not a number with an optional unit{words}")
-        value = float(match["number"])
-        unit = match["unit"].strip().removeprefix("[").removesuffix("]").strip()
-        if unit:
-            try:
-                value = float(units.convert(value, unit, signal.unit, where))
-            except UserError as error:
-                raise UserError(str(error) if where in str(error) else f"{where}: {error}") from error
-        check_type(signal.type, value, where)
-        if not signal.min <= value <= signal.max:
-            raise UserError(f"{where}: {shown(value, signal)} is out of range; allowed is {allowed(signal)}")
-        return value
+        return read_setting(given, signal, f"--set {name}={given}")
 
 
-def find_model(name_or_path: str, runtime: str = "native") -> Model:
+def find_model(name_or_path: str, runtime: str = "native", laid_over: Sequence[str] = ()) -> Model:
     """Find a model by component name or FMU path; a component is built if it is not in the cache.
 
     Parameters
@@ -108,20 +85,30 @@ def find_model(name_or_path: str, runtime: str = "native") -> Model:
     name_or_path : str
     runtime : {"native", "python"}
         Which build of a component.
+    laid_over : sequence of str
+        Ids of effects over a component, innermost first.
 
     Raises
     ------
     UserError
-        If there is no such component or file, or the FMU cannot be read.
+        If there is no such component, effect or file, or the FMU cannot be read.
     """
-    from fmus import COMPONENTS, component
+    from fmus import COMPONENTS, component, effects
 
     cls = None
     if name_or_path in COMPONENTS:
+        from fmus.kit import stack
         from fmus.kit.build import build_cached
 
         cls = component(name_or_path)
+        known = effects(name_or_path) if laid_over else {}
+        for effect in laid_over:
+            if effect not in known:
+                raise UserError(f"{name_or_path}: no effect named {effect!r}{suggestion(effect, known)}")
+        cls = stack(cls, *(known[effect] for effect in laid_over)) if laid_over else cls
         path = build_cached(cls, runtime)
+    elif laid_over:
+        raise UserError(f"{name_or_path}: effects can be laid over a component of ours only (see ppy list)")
     else:
         path = Path(name_or_path)
         if not path.exists() and path.suffix != ".fmu":

@@ -11,8 +11,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)  # fmt: skip
 from rich.table import Table
+from rich.text import Text
 
 from fmus.kit.errors import UserError
 
@@ -46,6 +56,13 @@ class Tell:
             self._bar.update(self._task, completed=part, total=whole)
 
 
+class _Rate(ProgressColumn):
+    """How many parts are done in a second."""
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:,.0f}/s" if task.speed else "", style="progress.data.speed")
+
+
 @contextmanager
 def progress() -> Iterator[Tell]:
     """Show on standard error what is being done, how far it is and how long it will take."""
@@ -56,6 +73,7 @@ def progress() -> Iterator[Tell]:
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
+        _Rate(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
@@ -129,8 +147,11 @@ def _model(name: str, runtime: str) -> Model:
         return find_model(name, runtime)
 
 
-def _check_results(source: Path | None, result: Path | None, picture: Path | None) -> None:
-    """Refuse, before any work is done, names under which nothing can be written or something would be lost."""
+def check_results(source: Path | None, result: Path | None, picture: Path | None, page: bool = False) -> None:
+    """Refuse, before any work is done, names under which nothing can be written or something would be lost.
+
+    A picture that is a page may have any ending.
+    """
     from orchestration.pictures import picture_format
 
     for option, path in (("--out", result), ("--plot", picture)):
@@ -140,7 +161,7 @@ def _check_results(source: Path | None, result: Path | None, picture: Path | Non
             raise UserError(f"{option} {path}: this is the record itself; it will not be overwritten")
     if result is not None and result == picture:
         raise UserError(f"--out and --plot both name {result}")
-    if picture is not None:
+    if picture is not None and not page:
         picture_format(picture)
 
 
@@ -171,7 +192,7 @@ def simulate(
     renamed = parse_mapping(mapping)
     if renamed and input_file is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
-    _check_results(input_file, result, picture)
+    check_results(input_file, result, picture)
     model = _model(name, runtime)
     parameters = model.settings(settings, preset)
     experiment = read_description(model.path).defaultExperiment
@@ -217,7 +238,7 @@ def compare(
     from orchestration import compare as work
     from orchestration.records import parse_mapping
 
-    _check_results(record, result, picture)
+    check_results(record, result, picture)
     model = _model(name, runtime)
     parameters = model.settings(settings, preset)
     data = work.read_for(model, record, parse_mapping(mapping))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from fmus.kit.errors import UserError
 
 Array = NDArray[np.float64]
+Seed = int | Sequence[int]
 
 # A sample that rounding puts just before a switch belongs after it; this is the fraction of a period forgiven.
 _ROUNDING = 1e-9
@@ -82,7 +83,7 @@ def force_staircase(
     return bias + np.where(loaded, (loading + 1) * increment, 0.0)
 
 
-def multilevel(time: ArrayLike, levels: Sequence[float], dwell: tuple[float, float], seed: int) -> Array:
+def multilevel(time: ArrayLike, levels: Sequence[float], dwell: tuple[float, float], seed: Seed) -> Array:
     """Return random jumps among `levels`, each held for a random time and never followed by itself.
 
     Parameters
@@ -93,7 +94,7 @@ def multilevel(time: ArrayLike, levels: Sequence[float], dwell: tuple[float, flo
         At least two different values, in the unit of the input.
     dwell : tuple of float
         Shortest and longest holding time in seconds; uniformly distributed between them.
-    seed : int
+    seed : int or sequence of int
         Of the random generator.
 
     Returns
@@ -151,17 +152,17 @@ def steps(time: ArrayLike, times: Sequence[float], values: Sequence[float], init
     return held[np.searchsorted(switches, _vector(time), side="right")]
 
 
-def ramp(time: ArrayLike, start: float, stop: float, initial: float, final: float) -> Array:
-    """Return a straight line from `initial` at `start` to `final` at `stop`, constant before and after.
+def ramps(time: ArrayLike, times: Sequence[float], values: Sequence[float]) -> Array:
+    """Return straight lines from point to point, constant before the first and after the last.
 
     Parameters
     ----------
     time : array_like, shape (n,)
         Seconds.
-    start, stop : float
-        Seconds.
-    initial, final : float
-        In the unit of the input.
+    times : sequence of float
+        Seconds, increasing, at least two.
+    values : sequence of float
+        As many as `times`, in the unit of the input.
 
     Returns
     -------
@@ -170,11 +171,36 @@ def ramp(time: ArrayLike, start: float, stop: float, initial: float, final: floa
     Raises
     ------
     UserError
-        If `stop` is not later than `start`.
+        If there are fewer than two points, `times` and `values` differ in length or `times` does not increase.
     """
-    if not start < stop:
-        raise UserError(f"ramp from {start} s to {stop} s: stop must be later than start")
-    return np.interp(_vector(time), [start, stop], [initial, final])
+    if len(times) < 2 or len(times) != len(values) or np.any(np.diff(times) <= 0):
+        raise UserError(f"ramps need two or more increasing times and as many values: {list(times)} s, {list(values)}")
+    return np.interp(_vector(time), times, values)
+
+
+def sine(time: ArrayLike, amplitude: float, frequency: float, offset: float = 0.0) -> Array:
+    """Return ``offset + amplitude sin(2 pi frequency t)``.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Seconds.
+    amplitude, offset : float
+        In the unit of the input.
+    frequency : float
+        Hz, above 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    UserError
+        If the frequency is not above 0.
+    """
+    _require_positive("frequency", frequency, "Hz")
+    return offset + amplitude * np.sin(2 * np.pi * frequency * _vector(time))
 
 
 def chirp(
@@ -213,7 +239,7 @@ def chirp(
     return offset + amplitude * np.sin(2 * np.pi * cycles)
 
 
-def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: int, offset: float = 0.0) -> Array:
+def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: Seed, offset: float = 0.0) -> Array:
     """Return a sum of equally strong sines with random phases.
 
     Parameters
@@ -224,7 +250,7 @@ def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: i
         Hz, different from each other and above 0.
     rms : float
         Root mean square about the offset over a common period, in the unit of the input.
-    seed : int
+    seed : int or sequence of int
         Of the random phases.
     offset : float
         In the unit of the input.

@@ -17,7 +17,7 @@ from orchestration.rig.emulator import EmulatedRig, RigParameters
 from orchestration.stimuli import multilevel
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
-COMMANDS = ("list", "info", "build", "check", "simulate", "compare", "demo", "thesis")
+COMMANDS = ("list", "info", "build", "check", "simulate", "run", "compare", "demo", "thesis")
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -76,14 +76,15 @@ def test_the_installed_script_is_this_command_line(tmp_path):
     assert (done.returncode, done.stdout) == (0, works("list", cwd=tmp_path))
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["list"], ["simulate", "--help"]], ids=" ".join)
+@pytest.mark.parametrize("arguments", [["--help"], ["list"], ["simulate", "--help"], ["run", "--list"]], ids=" ".join)
 def test_a_simple_question_imports_nothing_heavy(arguments, tmp_path):
     command = [sys.executable, "-X", "importtime", "-m", "orchestration.cli", *arguments]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, encoding="utf-8")
     assert done.returncode == 0
     imported = {line.rsplit("|", 1)[1].strip().split(".")[0] for line in done.stderr.splitlines() if "|" in line}
     assert "typer" in imported
-    assert not imported & {"numpy", "scipy", "casadi", "pandas", "pint", "matplotlib", "fmpy", "statsmodels", "control"}
+    heavy = {"numpy", "scipy", "casadi", "pandas", "pint", "matplotlib", "fmpy", "statsmodels", "control", "xarray"}
+    assert not imported & heavy
 
 
 def test_list_names_every_component(tmp_path):

@@ -79,9 +79,16 @@ def test_steps_hold_from_their_instants():
     np.testing.assert_array_equal(wave, [0.5, 0.5, 3.0, 3.0, -1.0, -1.0])
 
 
-def test_ramp_is_a_line_between_two_constants():
-    wave = stimuli.ramp([0.0, 1.0, 2.0, 2.5, 3.0, 8.0], start=1.0, stop=3.0, initial=-1.0, final=1.0)
-    np.testing.assert_allclose(wave, [-1.0, -1.0, 0.0, 0.5, 1.0, 1.0])
+def test_ramps_are_lines_between_their_points():
+    wave = stimuli.ramps([0.0, 1.0, 2.0, 2.5, 3.0, 3.25, 4.0, 8.0], times=[1.0, 3.0, 4.0], values=[-1.0, 1.0, 5.0])
+    np.testing.assert_allclose(wave, [-1.0, -1.0, 0.0, 0.5, 1.0, 2.0, 5.0, 5.0])
+
+
+def test_sine_is_one_line_of_the_spectrum():
+    spectrum = np.fft.rfft(stimuli.sine(TIME, 1.5, 0.37, offset=-0.4)) / TIME.size  # 37 whole periods
+    expected = np.zeros(spectrum.size, complex)
+    expected[0], expected[37] = -0.4, 1.5 / 2j
+    np.testing.assert_allclose(spectrum, expected, atol=1e-12)
 
 
 def test_chirp_matches_scipy():
@@ -114,7 +121,10 @@ def test_multisine_has_exactly_its_lines():
         (lambda: stimuli.multilevel(TIME, [0.0, 1.0], (2.0, 1.0), 0), "dwell"),
         (lambda: stimuli.steps(TIME, [1.0, 1.0], [0.0, 1.0]), "steps"),
         (lambda: stimuli.steps(TIME, [1.0], [0.0, 1.0]), "steps"),
-        (lambda: stimuli.ramp(TIME, 1.0, 1.0, 0.0, 1.0), "ramp"),
+        (lambda: stimuli.ramps(TIME, [1.0, 1.0], [0.0, 1.0]), "ramps"),
+        (lambda: stimuli.ramps(TIME, [1.0, 2.0], [0.0]), "ramps"),
+        (lambda: stimuli.ramps(TIME, [1.0], [0.0]), "ramps"),
+        (lambda: stimuli.sine(TIME, 1.0, -0.1), "frequency"),
         (lambda: stimuli.chirp(TIME, 1.0, 0.1, 1.0, duration=0.0), "duration"),
         (lambda: stimuli.multisine(TIME, [], 1.0, 0), "frequencies"),
         (lambda: stimuli.multisine(TIME, [0.1, 0.1], 1.0, 0), "frequencies"),

@@ -1,4 +1,4 @@
-"""Parquet and MATLAB files."""
+"""Parquet, MATLAB and NetCDF files."""
 
 import io
 from pathlib import Path
@@ -48,6 +48,42 @@ def read_parquet(path: Path, content: bytes) -> Table:
     if not columns or arrow.num_rows == 0:
         raise refuse(path, "the Parquet file holds no rows")
     return Table(path, columns, np.arange(1, arrow.num_rows + 1))
+
+
+def read_netcdf(path: Path, content: bytes) -> Table:
+    """Read a NetCDF 3 file, such as a result of ``ppy run``.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : bytes
+        Its content.
+
+    Returns
+    -------
+    Table
+        One column per vector over the first dimension; units from the attribute ``units``.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged or holds no vectors.
+    """
+    from scipy.io import netcdf_file
+
+    try:
+        with netcdf_file(io.BytesIO(content), mmap=False) as file:
+            first = next(iter(file.dimensions), None)
+            columns = [
+                Column(name, getattr(v, "units", b"").decode() or None, as_numbers(np.array(v[:])))
+                for name, v in file.variables.items() if v.dimensions == (first,)
+            ]  # fmt: skip
+    except Exception as error:  # the library raises whatever a damaged file trips
+        raise refuse(path, f"the NetCDF file is damaged: {type(error).__name__}: {error}") from error
+    if not columns or not len(columns[0].cells):
+        raise refuse(path, "the NetCDF file holds no vectors")
+    return Table(path, columns, np.arange(1, len(columns[0].cells) + 1))
 
 
 def read_mat(path: Path) -> Table:

@@ -2,13 +2,19 @@
 
 from pathlib import Path
 
-from orchestration.records.binary import read_mat, read_parquet
+from orchestration.records.binary import read_mat, read_netcdf, read_parquet
 from orchestration.records.labview import read_lvm, read_tdms
 from orchestration.records.record import refuse
 from orchestration.records.table import Table
 from orchestration.records.text import EXPECTED, read_text
 
-_BINARY_EXTENSIONS = {".parquet": "a Parquet", ".tdms": "a TDMS", ".mat": "a MATLAB", ".lvm": "a LabVIEW text"}
+_BINARY_EXTENSIONS = {
+    ".parquet": "a Parquet",
+    ".tdms": "a TDMS",
+    ".mat": "a MATLAB",
+    ".lvm": "a LabVIEW text",
+    ".nc": "a NetCDF 3",
+}
 
 
 def read_table(path: Path) -> Table:
@@ -38,6 +44,8 @@ def read_table(path: Path) -> Table:
     extension = path.suffix.lower()
     if content.startswith(b"PAR1"):
         return read_parquet(path, content)
+    if content.startswith((b"CDF\x01", b"CDF\x02")):
+        return read_netcdf(path, content)
     if content.startswith(b"TDSm"):
         return read_tdms(path, content)
     if content.startswith((b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF")) or (

@@ -1,0 +1,135 @@
+"""What an experiment is: the tables and keys of its file, checked as far as that goes without running anything."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, PlainValidator, ValidationError, model_validator
+
+from fmus.kit.errors import UserError, suggestion
+
+from .stimulus import AnyStimulus
+from .values import Amount, File, Span, Table
+
+
+def _setting(given: Any) -> Any:
+    if not isinstance(given, bool | int | float | str):
+        raise ValueError("a number, a text with a number and a unit, true or false is needed")
+    return given
+
+
+def _flat(given: Any) -> Any:
+    """Let TOML's ``actuator.R1 = 1`` be the parameter ``actuator.R1``, without quotes."""
+    if not isinstance(given, dict):
+        return given
+    flat: dict[str, Any] = {}
+    for name, value in given.items():
+        flat |= {f"{name}.{n}": v for n, v in _flat(value).items()} if isinstance(value, dict) else {name: value}
+    return flat
+
+
+Setting = Annotated[bool | int | float | str, PlainValidator(_setting)]
+
+
+class Noise(Table):
+    """What a measurement adds to a recorded output: white, or by `correlation` from one point to the next AR(1)."""
+
+    rms: Amount
+    correlation: Annotated[float, Field(gt=-1.0, lt=1.0)] = 0.0
+
+
+class Master(Table):
+    """How a system is run: keywords of :func:`orchestration.master.run`."""
+
+    method: Literal["gauss-seidel", "jacobi"] = "gauss-seidel"
+    extrapolation: Annotated[int, Field(ge=0, le=1, strict=True)] = 0
+    feedthrough: bool = True
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
+    rates: dict[str, Annotated[float, Field(gt=0.0)]] | None = None
+
+
+class Experiment(Table):
+    """An experiment on a component or a system; ``docs/reference/experiments.md`` tells every key."""
+
+    title: str = ""
+    source: str = ""
+    component: File | None = None
+    system: File | None = None
+    runtime: Literal["native", "python"] = "native"
+    preset: str | None = None
+    effects: list[str] = []
+    duration: Span | None = None
+    step: Span | None = None
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    master: Master | None = None
+    parameters: Annotated[dict[str, Setting], BeforeValidator(_flat)] = {}
+    inputs: dict[str, AnyStimulus] = {}
+    record: list[str] | None = None
+    noise: dict[str, Noise] = {}
+    over: str = "time"
+
+    @model_validator(mode="after")
+    def _one_subject(self) -> Experiment:
+        if (self.component is None) == (self.system is None):
+            raise ValueError("name a component or a system, one of them")
+        only = {"component": ("preset", "effects"), "system": ("master",)}
+        kind, other = ("component", "system") if self.component else ("system", "component")
+        for key in only[other]:
+            if getattr(self, key):
+                raise ValueError(f"{key} is for a {other}, this experiment is on a {kind}")
+        return self
+
+
+def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Experiment:
+    """Check what a file says.
+
+    Parameters
+    ----------
+    given : Mapping
+        Its tables and keys.
+    where : str
+        Name of the file, for messages.
+    folder : str, optional
+        Where relative paths begin.
+
+    Raises
+    ------
+    UserError
+        For the first thing that is wrong: file, key, value, what is allowed.
+    """
+    try:
+        return Experiment.model_validate(given, context={"folder": folder})
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise UserError(f"{where}: {_line(problems[0])}{more}") from error
+
+
+def _line(problem: Any) -> str:
+    """Tell a problem that pydantic has found: key, value, what is allowed."""
+    place = list(problem["loc"])
+    if place[:1] == ["inputs"]:
+        del place[2:3]  # the kind, by which pydantic distinguishes the tables
+    kind, given, context = problem["type"], problem["input"], problem.get("ctx", {})
+    if kind == "missing":
+        return f"{_key(place)} is missing"
+    if kind == "union_tag_not_found":
+        return f"{_key(place)}.kind is missing"
+    if kind == "union_tag_invalid":
+        kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
+        return f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
+    shown = "" if isinstance(given, dict) else f" = {given!r}"
+    if kind == "value_error":
+        return f"{_key(place)}{shown}: {context['error']}".removeprefix(": ")
+    allowed = (
+        problem["msg"].removeprefix("Input ").replace("valid dictionary", "table").replace(" after validation", "")
+    )
+    return f"{_key(place)}{shown}: {allowed[0].lower()}{allowed[1:]}"
+
+
+def _key(place: list[Any]) -> str:
+    text = ""
+    for part in place:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text

@@ -1,0 +1,241 @@
+"""What an experiment may send into an input: one table for each kind of signal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field
+
+from fmus.foot import gait
+from fmus.kit import units
+from fmus.kit.errors import UserError
+from orchestration import stimuli
+from orchestration.records import read_record
+from orchestration.simulate import held
+
+from .values import Amount, File, Hertz, Quantity, Seconds, Span, Table
+
+Array = NDArray[np.float64]
+_ZERO = Quantity(0.0)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a stimulus goes.
+
+    Attributes
+    ----------
+    name, unit : str
+        Of the input.
+    seed : tuple of int
+        Of its random numbers, unless the stimulus has a seed of its own.
+    notes : list of str
+        Takes what was repaired in a record, or noticed about it.
+    """
+
+    name: str
+    unit: str
+    seed: tuple[int, ...]
+    notes: list[str] = field(default_factory=list)
+
+
+class Stimulus(Table):
+    """A signal over time."""
+
+    def values(self, time: Array, place: Place) -> Array:
+        """Return the signal at communication points.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds, from 0.
+        place : Place
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In the unit of the input.
+
+        Raises
+        ------
+        UserError
+            For a wrong unit, and for numbers that make no such signal.
+        """
+        return self._signal(time, place)
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        raise NotImplementedError
+
+    def _in(self, unit: str, key: str) -> Any:
+        """Amount or amounts of a key in a unit."""
+        given = getattr(self, key)
+        several = not isinstance(given, Quantity)
+        numbers = [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in (given if several else [given])]
+        return numbers if several else numbers[0]
+
+
+class Constant(Stimulus):
+    """One value; written without a table, it is this too."""
+
+    kind: Literal["constant"]
+    value: Amount
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        return np.full(time.size, self._in(place.unit, "value"))
+
+
+class _Wave(Stimulus):
+    amplitude: Amount
+    offset: Amount = _ZERO
+
+    def _about(self, place: Place) -> tuple[float, float]:
+        return self._in(place.unit, "amplitude"), self._in(place.unit, "offset")
+
+
+class Square(_Wave):
+    """Square wave; from `delay` on the first half of every period is high."""
+
+    kind: Literal["square"]
+    frequency: Hertz
+    delay: Seconds = 0.0
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        amplitude, offset = self._about(place)
+        return stimuli.square_wave(time - self.delay, amplitude, self.frequency, offset)
+
+
+class Sine(_Wave):
+    """Sine from t = 0."""
+
+    kind: Literal["sine"]
+    frequency: Hertz
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        amplitude, offset = self._about(place)
+        return stimuli.sine(time, amplitude, self.frequency, offset)
+
+
+class Chirp(_Wave):
+    """Sine whose frequency moves linearly from the start to the end of the experiment."""
+
+    kind: Literal["chirp"]
+    start_frequency: Hertz
+    stop_frequency: Hertz
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        amplitude, offset = self._about(place)
+        return stimuli.chirp(time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset)
+
+
+class Multisine(Stimulus):
+    """Equally strong sines with random phases; `rms` is that of their sum about the offset."""
+
+    kind: Literal["multisine"]
+    frequencies: list[Hertz]
+    rms: Amount
+    offset: Amount = _ZERO
+    seed: Annotated[int, Field(ge=0)] | None = None
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        rms, offset = self._in(place.unit, "rms"), self._in(place.unit, "offset")
+        return stimuli.multisine(time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset)
+
+
+class Multilevel(Stimulus):
+    """Random jumps among levels, each held for a random time between the two of `dwell`."""
+
+    kind: Literal["multilevel"]
+    levels: list[Amount]
+    dwell: Annotated[list[Span], Field(min_length=2, max_length=2)]
+    seed: Annotated[int, Field(ge=0)] | None = None
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        seed = place.seed if self.seed is None else self.seed
+        return stimuli.multilevel(time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed)
+
+
+class Steps(Stimulus):
+    """`initial`, and from each of `times` on the level that belongs to it."""
+
+    kind: Literal["steps"]
+    times: list[Seconds]
+    levels: list[Amount]
+    initial: Amount = _ZERO
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        levels, initial = self._in(place.unit, "levels"), self._in(place.unit, "initial")
+        return stimuli.steps(time, self.times, levels, initial)
+
+
+class Ramps(Stimulus):
+    """Straight lines from level to level, constant before the first of `times` and after the last."""
+
+    kind: Literal["ramps"]
+    times: list[Seconds]
+    levels: list[Amount]
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        return stimuli.ramps(time, self.times, self._in(place.unit, "levels"))
+
+
+class Staircase(Stimulus):
+    """Loads ever one increment above the bias, up to the maximum, each for half a period; the bias in between."""
+
+    kind: Literal["staircase"]
+    period: Span
+    bias: Amount
+    increment: Amount
+    maximum: Amount
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        levels = (self._in(place.unit, key) for key in ("bias", "increment", "maximum"))
+        return stimuli.force_staircase(time, self.period, *levels)
+
+
+class FromFile(Stimulus):
+    """A column of a record, each sample held until the next; of the input's name unless `column` tells another."""
+
+    kind: Literal["file"]
+    file: File
+    column: str | None = None
+    unit: str | None = None
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        target = place.name + (f"[{self.unit}]" if self.unit else "")
+        mapping = {self.column or place.name: target}
+        record = read_record(self.file, {place.name: place.unit}, mapping=mapping, inputs=[place.name])
+        place.notes.extend(repair.message for repair in record.repairs if repair.kind != "ignored columns")
+        first, last = record.time[0], record.time[-1]
+        lasts = last + np.median(np.diff(record.time))  # the last sample is held for as long as the others
+        if first > time[0] or lasts < time[-1]:
+            raise UserError(
+                f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to {time[-1]:g} s"
+            )
+        return held(record, place.name, time)
+
+
+class Gait(Stimulus):
+    """Length change of an actuator of the foot in the stance phase (eqs. 5.13 to 5.16)."""
+
+    kind: Literal["gait"]
+    actuator: Literal["an", "po", "do", "pl"]
+
+    def _signal(self, time: Array, place: Place) -> Array:
+        return np.asarray(units.convert(gait.length_changes(time)[self.actuator], "m", place.unit, "a length"))
+
+
+def _constant(given: Any) -> Any:
+    return given if isinstance(given, dict | Stimulus) else {"kind": "constant", "value": given}
+
+
+AnyStimulus = Annotated[
+    Annotated[
+        Constant | Square | Sine | Chirp | Multisine | Multilevel | Steps | Ramps | Staircase | FromFile | Gait,
+        Field(discriminator="kind"),
+    ],
+    BeforeValidator(_constant),
+]
+KINDS: tuple[type[Stimulus], ...] = get_args(get_args(AnyStimulus)[0])

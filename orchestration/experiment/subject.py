@@ -1,0 +1,141 @@
+"""What an experiment is made on, a component or a system, seen alike: its signals, and a way to run it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration import master
+from orchestration.fmu_file import read_description
+from orchestration.models import find_model
+from orchestration.signals import Signal, read_signal
+from orchestration.system import check, shipped, ssp
+from orchestration.system.model import Member, Port, System
+
+from .model import Experiment
+
+Array = NDArray[np.float64]
+Progress = Callable[[int], None]
+Runner = Callable[[Array, Mapping[str, Array], Mapping[str, float], Sequence[str], Progress], master.Run]
+_NO_READING = ("parameter", "input", "independent")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A component or a system.
+
+    Attributes
+    ----------
+    name : str
+    inputs, parameters, outputs : Mapping of str to Signal
+        What can be driven, set and recorded; in a system the latter two are ``member.variable``.
+    usual : list of str
+        Outputs that are recorded unless the experiment names others.
+    settings : Mapping of str to float
+        Parameters that are set already: those of the preset, or of the members of the system.
+    duration, step : float
+        Seconds, of its default experiment.
+    guids : Mapping of str to str
+        GUID of every FMU.
+    run : callable
+        Takes communication points, inputs, parameters, names of outputs and progress.
+    """
+
+    name: str
+    inputs: Mapping[str, Signal]
+    parameters: Mapping[str, Signal]
+    outputs: Mapping[str, Signal]
+    usual: Sequence[str]
+    settings: Mapping[str, float]
+    duration: float
+    step: float
+    guids: Mapping[str, str]
+    run: Runner
+
+
+@contextmanager
+def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
+    """Find what an experiment is made on; while the context lasts, it can be run.
+
+    Raises
+    ------
+    UserError
+        If there is no such component, system, preset or effect, or an FMU cannot be read or built.
+    """
+    with tempfile.TemporaryDirectory(prefix="ppy-system-") as folder:
+        try:
+            if experiment.component is not None:
+                found = _component(experiment, experiment.component)
+            else:
+                found = _system(experiment, str(experiment.system), Path(folder))
+        except UserError as error:
+            raise UserError(f"{where}: {error}") from error
+        yield found
+
+
+def _component(experiment: Experiment, name: str) -> Subject:
+    """See a component as a system of one member, whose signals need no ``member.`` before their names."""
+    model = find_model(name, experiment.runtime, experiment.effects)
+    usual = read_description(model.path).defaultExperiment
+    duration = float(getattr(usual, "stopTime", None) or 10.0)
+    member = model.path.stem.replace(".", "_")
+    system = System(
+        model.name, (Member(member, model.path, model.settings([], experiment.preset), model.cls),), (),
+        {name: (Port(member, name),) for name in model.inputs}, stop=duration,
+        step=float(getattr(usual, "stepSize", None) or duration / 1000),
+    )  # fmt: skip
+    return _seen(system, experiment, f"{member}.")
+
+
+def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
+    is_file = Path(name).suffix.lower() in (".ssp", ".ssd")
+    return _seen(ssp.read(Path(name), folder) if is_file else shipped.system(name, experiment.runtime), experiment)
+
+
+def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
+    check.check(system)
+    described = {member.name: read_description(member.fmu) for member in system.members}
+    variables = {
+        f"{member}.{v.name}".removeprefix(prefix): v
+        for member, description in described.items() for v in description.modelVariables if v.type != "String"
+    }  # fmt: skip
+    outputs = {name: read_signal(v) for name, v in variables.items() if v.causality not in _NO_READING}
+    ports = {name: str(ports[0]).removeprefix(prefix) for name, ports in system.inputs.items()}
+
+    def run(
+        time: Array, inputs: Mapping[str, Array], settings: Mapping[str, float], record: Sequence[str], tell: Progress
+    ) -> master.Run:
+        own = {f"{prefix}{name}": value for name, value in settings.items()}
+        members = [
+            replace(
+                m, parameters={n.removeprefix(f"{m.name}."): v for n, v in own.items() if n.startswith(f"{m.name}.")}
+            )
+            for m in system.members
+        ]
+        options = experiment.master.model_dump(exclude_none=True) if experiment.master else {}
+        names = [f"{prefix}{name}" for name in record]
+        return master.run(
+            replace(system, members=tuple(members)), time, inputs, record=names, progress=tell, **options
+        )  # fmt: skip
+
+    return Subject(
+        system.name, {name: read_signal(variables[port]) for name, port in ports.items()},
+        {name: read_signal(v) for name, v in variables.items() if v.causality == "parameter"}, outputs,
+        [str(port) for port in system.outputs.values()] or [n for n in outputs if variables[n].causality == "output"],
+        {f"{m.name}.{name}".removeprefix(prefix): v for m in system.members for name, v in m.parameters.items()},
+        system.stop, system.step, {name: d.guid for name, d in described.items()}, run,
+    )  # fmt: skip
+
+
+def known(name: str, among: Mapping[str, Signal], what: str, where: str) -> Signal:
+    """Return a signal by its name; UserError with the nearest one if there is none."""
+    if name not in among:
+        raise UserError(f"{where}: {what} named {name!r}{suggestion(name, among)}")
+    return among[name]

@@ -1,0 +1,90 @@
+"""Values as an experiment states them: numbers, or texts with a unit; files; tables that know their keys."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    PlainSerializer,
+    PlainValidator,
+    ValidationInfo,
+    model_validator,
+)  # fmt: skip
+
+from fmus.kit import units
+from fmus.kit.errors import suggestion
+from orchestration.signals import read_quantity
+
+
+class Table(BaseModel):
+    """A table of the file; a key that nobody knows is refused with what was probably meant."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, given: Any) -> Any:
+        for key in given if isinstance(given, dict) else ():
+            if key not in cls.model_fields:
+                raise ValueError(f"unknown key {key!r}{suggestion(key, cls.model_fields)}")
+        return given
+
+
+class Quantity(NamedTuple):
+    """A number and its unit, empty for that of the variable it is for."""
+
+    value: float
+    unit: str = ""
+
+    def to(self, unit: str, what: str = "value") -> float:
+        """Return the number in a unit; UserError if the two measure different things."""
+        return float(units.convert(self.value, self.unit or unit, unit, what))
+
+
+def _read(given: Any) -> Quantity:
+    if isinstance(given, str):
+        quantity = Quantity(*(read_quantity(given) or (math.nan,)))
+    elif isinstance(given, int | float) and not isinstance(given, bool):
+        quantity = Quantity(float(given))
+    else:
+        quantity = Quantity(math.nan)
+    if not math.isfinite(quantity.value):
+        raise ValueError("a finite number is needed, or a text with a number and a unit such as '500 mA'")
+    if quantity.unit:
+        units.parse(quantity.unit)
+    return quantity
+
+
+def _written(quantity: Quantity) -> float | str:
+    return f"{quantity.value!r} {quantity.unit}" if quantity.unit else quantity.value
+
+
+def _in(unit: str, positive: bool = True) -> BeforeValidator:
+    def read(given: Any) -> float:
+        value = _read(given).to(unit)
+        if positive and not value > 0.0:
+            raise ValueError("must be above 0")
+        return value
+
+    return BeforeValidator(read)
+
+
+def _reachable(given: Any, info: ValidationInfo) -> Any:
+    """Make a file's path lead there from any folder: beside the experiment's own file, else from here."""
+    folder = (info.context or {}).get("folder")
+    if not isinstance(given, str) or not Path(given).suffix or folder is None:
+        return given  # no path but a name, or not for this validator to judge
+    beside = Path(folder) / given
+    return str((beside if beside.is_file() else Path(given)).absolute())
+
+
+Amount = Annotated[Quantity, PlainValidator(_read), PlainSerializer(_written)]
+Seconds = Annotated[float, _in("s", positive=False)]
+Span = Annotated[float, _in("s")]
+Hertz = Annotated[float, _in("Hz")]
+File = Annotated[str, BeforeValidator(_reachable)]
