@@ -162,7 +162,7 @@ def coupling_error(
 
 
 def mechanical(system: System) -> list[Mechanical]:
-    """Find the mechanical couplings: a length from one member to another, and a force back.
+    """Find the mechanical couplings: a length in m from one member to another, and a force in N back.
 
     Several between the same two members are paired in the order in which they are connected.
     """

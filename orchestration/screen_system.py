@@ -12,9 +12,8 @@ from rich.table import Table
 from fmus.kit.errors import UserError
 from orchestration.screen import err, out, progress
 from orchestration.system import System
-from orchestration.system.check import check, interface, warnings
-
-ENDINGS = (".ssp", ".ssd")
+from orchestration.system.check import check, interface, variable, warnings
+from orchestration.system.names import ENDINGS
 
 
 @contextmanager
@@ -23,8 +22,8 @@ def opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
     from orchestration.system import shipped, ssp
 
     path = Path(name_or_file)
-    if path.suffix in ENDINGS or path.exists():
-        if path.suffix not in ENDINGS:
+    if path.suffix.lower() in ENDINGS or path.exists():
+        if path.suffix.lower() not in ENDINGS:
             raise UserError(f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of {', '.join(shipped.NAMES)}")
         with tempfile.TemporaryDirectory(prefix="ppy-ssp-", ignore_cleanup_errors=True) as folder:
             yield ssp.read(path, Path(folder))
@@ -54,8 +53,7 @@ def show(name_or_file: str) -> None:
         models = {member.name: interface(member) for member in system.members}
         table = _table("member", "FMU", "values given to it")
         for member in system.members:
-            signals = {**models[member.name].parameters, **models[member.name].inputs}
-            given = [f"{k}={v:.6g} {signals[k].unit}".removesuffix(" 1") for k, v in member.parameters.items()]
+            given = [f"{k}={v:.6g} {variable(member, k).unit}".removesuffix(" 1") for k, v in member.parameters.items()]
             table.add_row(member.name, member.fmu.name, ", ".join(given))
         out.print()
         out.print(table)
@@ -77,7 +75,7 @@ def show(name_or_file: str) -> None:
 
 
 def _table(*columns: str) -> Table:
-    table = Table(box=None, pad_edge=False, title_justify="left")
+    table = Table(box=None, pad_edge=False)
     for column in columns[:-1]:
         table.add_column(column, no_wrap=True)
     table.add_column(columns[-1])

@@ -59,6 +59,18 @@ def run_fmpy_ssp(path: Path, step: float, count: int, inputs: Values, signals: S
     return {name: np.array(table[name]) for name in signals}
 
 
+def run_own_ssp(path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]) -> Result:
+    """Run a system in our master, as the others do it; arguments and result are those of `run_fmpy_ssp`."""
+    from orchestration import master
+    from orchestration.system import ssp
+
+    system = ssp.read(path, path.parent / f"{path.stem}-own")
+    time = step * np.arange(count + 1)
+    held = {name: np.full(time.size, value) for name, value in inputs.items()}
+    found = master.run(system, time, held, method="jacobi", feedthrough=False, record=signals)
+    return {name: found.signals[name][1:] for name in signals}
+
+
 def run_libcosim_ssp(path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]) -> Result:
     """Run a system in libcosim; arguments and result are those of `run_fmpy_ssp`."""
     if importlib.util.find_spec("libcosimpy") is None:

@@ -9,7 +9,6 @@ from scipy.linalg import expm
 
 from benchmarks.coupling import SMOOTH, measured
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
-from fmus.kit.build import build_cached
 from orchestration.coupling import coupling_error, imbalance, mechanical
 from orchestration.master import run
 from orchestration.system import shipped
@@ -59,7 +58,7 @@ class Spring(Component):
 
 
 def system_of(classes, connections):
-    members = (Member(name, build_cached(cls, "native"), {}, cls) for name, cls in classes.items())
+    members = (Member.of(name, cls) for name, cls in classes.items())
     return System("small", tuple(members), connections)
 
 

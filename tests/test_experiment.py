@@ -309,7 +309,7 @@ def test_the_master_has_no_option_that_an_experiment_has_not():
 
 
 def test_an_adaptive_master_comes_closer():
-    """Against the same system at a fifth of the step, the run with a tolerance is nearer than the one without."""
+    """Against the same system at a tenth of the step, the run with a tolerance is nearer than the one without."""
     text = 'system = "dma_bench"\nrecord = ["actuator.tension"]\n[inputs]\nforce_reference = 1\ncurrent = 0\n[master]\n'
     fine = make("duration = 0.2\nstep = 1e-4\n" + text)["actuator.tension"].values[::10]
     held = make("duration = 0.2\nstep = 1e-3\n" + text)["actuator.tension"].values

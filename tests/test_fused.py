@@ -15,7 +15,6 @@ from scipy.linalg import expm
 from fmus import component
 from fmus.foot.reference import solve as points
 from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserError
-from fmus.kit.build import build_cached
 from fmus.kit.compiled import CompiledModel
 from fmus.kit.integrate import Integrator
 from fmus.kit.trace import trace
@@ -214,7 +213,7 @@ class Count(Component):
 
 
 def system_of(classes, connections, parameters=None, inputs=None):
-    members = (Member(n, build_cached(c, "native"), (parameters or {}).get(n, {}), c) for n, c in classes.items())
+    members = (Member.of(n, c, (parameters or {}).get(n)) for n, c in classes.items())
     return System("small", tuple(members), connections, inputs or {})
 
 

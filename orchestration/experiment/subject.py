@@ -18,6 +18,7 @@ from orchestration.models import find_model
 from orchestration.signals import Signal, read_signal
 from orchestration.system import check, shipped, ssp
 from orchestration.system.model import Member, Port, System
+from orchestration.system.names import ENDINGS
 
 from .model import Experiment
 
@@ -87,15 +88,18 @@ def _component(experiment: Experiment, name: str) -> Subject:
     duration = float(getattr(usual, "stopTime", None) or 10.0)
     member = model.path.stem.replace(".", "_")
     system = System(
-        model.name, (Member(member, model.path, model.settings([], experiment.preset), model.cls),), (),
-        {name: (Port(member, name),) for name in model.inputs}, stop=duration,
+        model.name,
+        members=(Member(member, model.path, model.settings([], experiment.preset), model.cls),),
+        connections=(),
+        inputs={name: (Port(member, name),) for name in model.inputs},
         step=float(getattr(usual, "stepSize", None) or duration / 1000),
-    )  # fmt: skip
+        stop=duration,
+    )
     return _seen(system, experiment, f"{member}.")
 
 
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
-    is_file = Path(name).suffix.lower() in (".ssp", ".ssd")
+    is_file = Path(name).suffix.lower() in ENDINGS
     return _seen(ssp.read(Path(name), folder) if is_file else shipped.system(name, experiment.runtime), experiment)
 
 
@@ -112,26 +116,28 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     def run(
         time: Array, inputs: Mapping[str, Array], settings: Mapping[str, float], record: Sequence[str], tell: Progress
     ) -> master.Run:
-        own = {f"{prefix}{name}": value for name, value in settings.items()}
-        members = [
-            replace(
-                m, parameters={n.removeprefix(f"{m.name}."): v for n, v in own.items() if n.startswith(f"{m.name}.")}
-            )
-            for m in system.members
-        ]
+        own: dict[str, dict[str, float]] = {member.name: {} for member in system.members}
+        for name, value in settings.items():
+            member, _, parameter = f"{prefix}{name}".partition(".")
+            own[member][parameter] = value
+        members = tuple(replace(member, parameters=own[member.name]) for member in system.members)
         options = experiment.master.model_dump(exclude_none=True) if experiment.master else {}
         names = [f"{prefix}{name}" for name in record]
-        return master.run(
-            replace(system, members=tuple(members)), time, inputs, record=names, progress=tell, **options
-        )  # fmt: skip
+        return master.run(replace(system, members=members), time, inputs, record=names, progress=tell, **options)
 
+    wanted = [str(port) for port in system.outputs.values()]
     return Subject(
-        system.name, {name: read_signal(variables[port]) for name, port in ports.items()},
-        {name: read_signal(v) for name, v in variables.items() if v.causality == "parameter"}, outputs,
-        [str(port) for port in system.outputs.values()] or [n for n in outputs if variables[n].causality == "output"],
-        {f"{m.name}.{name}".removeprefix(prefix): v for m in system.members for name, v in m.parameters.items()},
-        system.stop, system.step, {name: d.guid for name, d in described.items()}, run,
-    )  # fmt: skip
+        name=system.name,
+        inputs={name: read_signal(variables[port]) for name, port in ports.items()},
+        parameters={name: read_signal(v) for name, v in variables.items() if v.causality == "parameter"},
+        outputs=outputs,
+        usual=wanted or [name for name in outputs if variables[name].causality == "output"],
+        settings={f"{m.name}.{n}".removeprefix(prefix): v for m in system.members for n, v in m.parameters.items()},
+        duration=system.stop,
+        step=system.step,
+        guids={name: description.guid for name, description in described.items()},
+        run=run,
+    )
 
 
 def known(name: str, among: Mapping[str, Signal], what: str, where: str) -> Signal:

@@ -14,7 +14,7 @@ from pydantic import (
     PlainValidator,
     ValidationInfo,
     model_validator,
-)  # fmt: skip
+)
 
 from fmus.kit import units
 from fmus.kit.errors import suggestion

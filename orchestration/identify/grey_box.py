@@ -18,18 +18,16 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from fmus.kit import Component
-from fmus.kit.compiled import CompiledModel
 from fmus.kit.documentation import allowed, shown
 from fmus.kit.errors import UserError
+from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
 _PASSES = 5  # at most, of weighting every output by the residual it leaves
 _SETTLED = 0.01  # relative change of the weights that ends it
-_NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 _MOST_ORDER = 4  # of the noise model
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
-_EFFORT = 2000  # internal steps per sample: beyond, a search has strayed to parameters that make the model stiff
 _FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
 
 
@@ -75,69 +73,20 @@ class Fit:
         return {name: e.value for name, e in self.estimates.items()}
 
 
-@dataclass(frozen=True)
-class _Scale:
-    """How a parameter is searched: q = log(value) where it is positive by nature, else value / size."""
+class _Weighted(Problem):
+    """Residuals weighted by output."""
 
-    logarithmic: bool
-    size: float
-
-    def value(self, q: float) -> float:
-        with np.errstate(over="ignore"):  # the end of an interval may lie beyond every number
-            return float(np.exp(q)) if self.logarithmic else float(q * self.size)
-
-    def position(self, value: float) -> float:
-        if self.logarithmic:
-            return float(np.log(value)) if value > 0.0 else -np.inf
-        return value / self.size
-
-    def slope(self, q: float) -> float:
-        """Return d value / d q."""
-        return float(np.exp(q)) if self.logarithmic else self.size
-
-
-class _Problem:
-    """Weighted residuals and their Jacobian in the searched coordinates; one simulation serves both."""
-
-    def __init__(
-        self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
-        names: Sequence[str], fixed: Mapping[str, float],
-    ):  # fmt: skip
-        self.model = CompiledModel(cls, names)
-        self.declared = {p.name: p for p in self.model.layout.parameters}
-        self.time, self.inputs, self.names = time, inputs, list(names)
-        for name in self.names:
-            if name in self.declared and self.declared[name].type != "real":
-                raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
-        self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
-        self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
-        self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
+    def __init__(self, *given: Any):
+        super().__init__(*given)
         self.weight = {o: 1.0 / (float(np.nanstd(y)) or 1.0) for o, y in self.measured.items()}
-        self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
-        self.evaluations = 0
-        self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
-
-    def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return residuals (n,) and Jacobian (n, p) of every output, where it was measured."""
-        if self._at is None or self._at[0] != q.tobytes():
-            self.evaluations += 1
-            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort=_EFFORT)
-            slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
-            error = {o: (trajectory.signals[o] - y)[self.present[o]] for o, y in self.measured.items()}
-            jacobian = {o: trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
-            self._at = (q.tobytes(), error, jacobian)
-        return self._at[1:]
-
-    def values(self, q: Array) -> dict[str, float]:
-        return {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
 
     def error(self, q: Array) -> Array:
         try:
             self.evaluate(q)
         except UserError:
-            if self._at is None:
+            if not self.ran:
                 raise  # already where the search starts
-            return np.full(sum(int(p.sum()) for p in self.present.values()), np.inf)  # a point to step back from
+            return np.full(self.samples, np.inf)  # a point to step back from
         return np.concatenate([self.weight[o] * e for o, e in self.evaluate(q)[0].items()])
 
     def jacobian(self, q: Array) -> Array:
@@ -153,12 +102,6 @@ class _Problem:
     def misses(self, output: str, residual: Array) -> bool:
         """Whether there is a residual at all, beyond rounding."""
         return bool(np.std(residual) > 1e-6 * np.std(self.measured[output][self.present[output]]))
-
-    def bounds(self) -> tuple[Array, Array]:
-        ranges = [(self.declared[n].min, self.declared[n].max) for n in self.names]
-        ends = [(s.position(low), s.position(high)) for s, (low, high) in zip(self.scales, ranges, strict=True)]
-        low, high = np.array(ends).T
-        return low, high
 
 
 def fit(
@@ -197,20 +140,17 @@ def fit(
     """
     if len(set(names)) < len(names):
         raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
-    problem = _Problem(cls, time, inputs, measured, names, fixed or {})
-    samples = sum(int(p.sum()) for p in problem.present.values())
-    if len(names) >= samples:
-        raise UserError(f"{len(names)} parameters cannot be fitted to {samples} measured values")
+    problem = _Weighted(cls, time, inputs, measured, names, fixed or {})
+    if len(names) >= problem.samples:
+        raise UserError(f"{len(names)} parameters cannot be fitted to {problem.samples} measured values")
     low, high = problem.bounds()
-    q = np.array([s.position(problem.start[n]) for n, s in zip(names, problem.scales, strict=True)])
+    q = problem.position(problem.start)
     for name in names:
         declared = problem.declared[name]
         if not declared.min <= problem.start[name] <= declared.max:
             start = shown(problem.start[name], declared)
             raise UserError(f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}")
-    # from an end itself the first steps are so small that the search takes three times as many simulations
-    inside = np.minimum(_NUDGE, _NUDGE * (high - low))
-    q = np.clip(q, low + inside, high - inside)
+    q = problem.inside(q)
     for _ in range(_PASSES):
         solution = least_squares(
             problem.error, q, problem.jacobian, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200
@@ -231,12 +171,7 @@ def fit(
     )
 
 
-def _scale(declaration: Any, value: float) -> _Scale:
-    positive = declaration.min >= 0.0 and value > 0.0
-    return _Scale(positive, abs(value) or declaration.nominal)
-
-
-def _intervals(problem: _Problem, q: Array) -> tuple[dict[str, tuple[float, float]], list[str]]:
+def _intervals(problem: _Weighted, q: Array) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """95 % intervals, and a sentence for parameters that the record does not determine."""
     error, jacobian = problem.evaluate(q)
     spread, silent, tangled = _standard_errors(error, jacobian, problem.weight)

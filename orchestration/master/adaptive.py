@@ -8,8 +8,39 @@ import numpy as np
 
 from fmus.kit.errors import UserError
 from orchestration.master.machine import Machine
+from orchestration.master.members import Memory
 
 _SHORTEST = 1e-12  # of the time, or of a second
+
+
+class Bookmark:
+    """Where a machine is, to go back to any number of times: states, values on the boards, slopes."""
+
+    def __init__(self, machine: Machine):
+        self._boards = [machine.feed.values, machine.board.values]
+        self._values = [values.copy() for values in self._boards]
+        self._pasts = [move.past for move in machine.everyone.moves]
+        self._slopes: list[list[float]] = []
+        self._memory = Memory(machine.members, machine.clock)
+
+    def save(self) -> None:
+        """Keep everything as it is now; UserError if a member refuses."""
+        self._memory.save()
+        for kept, values in zip(self._values, self._boards, strict=True):
+            kept[:] = values
+        self._slopes = [past.slopes.copy() for past in self._pasts]
+
+    def restore(self) -> None:
+        """Go back to what was saved last; UserError if a member refuses."""
+        self._memory.restore()
+        for kept, values in zip(self._values, self._boards, strict=True):
+            values[:] = kept
+        for past, slopes in zip(self._pasts, self._slopes, strict=True):
+            past.slopes[:] = slopes
+
+    def free(self) -> None:
+        """Release the memory; UserError if a member refuses."""
+        self._memory.free()
 
 
 class Adaptive:
@@ -31,7 +62,7 @@ class Adaptive:
 
     def __init__(self, machine: Machine, tolerance: float):
         self._machine, self._tolerance = machine, tolerance
-        self._save, self._restore, self.free = machine.bookmark()
+        self._bookmark = Bookmark(machine)
         by_name = {member.name: member for member in machine.members}
         self._ports = [p for p in machine.board.at if by_name[p.member].is_continuous(p.variable)]
         self._places = [machine.board.at[port] for port in self._ports]
@@ -53,10 +84,10 @@ class Adaptive:
             size = min(self._hint, end - time)
             whole = size > 0.999 * (end - time)
             target = end if whole else time + size
-            self._save()
+            self._bookmark.save()
             self._step(time, target, k)
             once = self._machine.board.values[self._places]
-            self._restore()
+            self._bookmark.restore()
             middle = time + 0.5 * (target - time)
             self._step(time, middle, k)
             self._step(middle, target, k)
@@ -70,7 +101,7 @@ class Adaptive:
                     self._hint = size * factor
                 time = target
                 continue
-            self._restore()
+            self._bookmark.restore()
             self.rollbacks += 1
             self._hint = (target - time) * factor
             if self._hint < _SHORTEST * max(1.0, abs(time)):
@@ -79,6 +110,10 @@ class Adaptive:
                     f"{port} at {time:.10g} s: the coupling error stays above the tolerance {self._tolerance:g}, "
                     "however short the step"
                 )
+
+    def free(self) -> None:
+        """Release what is kept for going back; UserError if a member refuses."""
+        self._bookmark.free()
 
     def _step(self, start: float, end: float, k: int) -> None:
         machine = self._machine

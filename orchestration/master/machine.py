@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from time import perf_counter
 from typing import NoReturn
@@ -14,7 +14,7 @@ from fmus.kit.errors import UserError
 from orchestration.master.boards import Board, Call, bind
 from orchestration.master.graph import Loop, Read, Structure, describe, order, plan
 from orchestration.master.loops import FixedPoint
-from orchestration.master.members import STEP, Clock, Instance, Memory, variables
+from orchestration.master.members import STEP, Clock, Instance, Memory, listed
 from orchestration.master.moves import Move, Past, Wire
 from orchestration.master.program import Action, Program, Settings, Station
 from orchestration.signals import type_of
@@ -125,7 +125,7 @@ class Machine:
         return program
 
     def _moving(self, verb: str, member: Instance, ports: Sequence[Port]) -> list[Action]:
-        doing = ("setting " if verb == "Set" else "reading ") + variables(member, ports)
+        doing = ("setting " if verb == "Set" else "reading ") + listed(ports)
         board = self.feed if verb == "Set" else self.board
         return [Action(call, member, doing) for call in bind(verb, member.fmu, ports, board)]
 
@@ -288,29 +288,6 @@ class Machine:
     def _not_finite(self, place: int) -> NoReturn:
         port, value = list(self.board.at)[place], self.board.cells[place]
         raise UserError(f"{port.member}: its output {port.variable} is {value:g} at {self.clock.end:.10g} s")
-
-    def bookmark(self) -> tuple[Callable[[], None], Callable[[], None], Callable[[], None]]:
-        """Prepare going back, of everything.
-
-        Returns
-        -------
-        save, restore, free : callable
-        """
-        memory = Memory(self.members, self.clock)
-        feed, board, slopes = self.feed.values.copy(), self.board.values.copy(), list[list[float]]()
-
-        def save() -> None:
-            memory.save()
-            feed[:], board[:] = self.feed.values, self.board.values
-            slopes[:] = [move.past.slopes.copy() for move in self.everyone.moves]
-
-        def restore() -> None:
-            memory.restore()
-            self.feed.values[:], self.board.values[:] = feed, board
-            for move, kept in zip(self.everyone.moves, slopes, strict=True):
-                move.past.slopes[:] = kept
-
-        return save, restore, memory.free
 
     # --- afterwards -------------------------------------------------------------------------------------------------
 

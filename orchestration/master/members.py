@@ -14,6 +14,8 @@ from orchestration.master.boards import Call
 from orchestration.signals import read_signal
 from orchestration.system.model import Port
 
+STEP = "step"  # what a member is asked to do, where that is a step
+
 
 class Clock:
     """The step that is being made, from `start` to `end`; as ctypes objects its beginning and its size."""
@@ -162,10 +164,7 @@ class Memory:
                 member.judge(status, "releasing a state", self._clock)
 
 
-STEP = "step"
-
-
-def variables(member: Instance, ports: Sequence[Port]) -> str:
-    """Names of a member's ports, for a message."""
+def listed(ports: Sequence[Port]) -> str:
+    """Names of a member's variables, for a message."""
     names = [port.variable for port in ports]
     return ", ".join(names if len(names) <= 4 else [*names[:3], f"{len(names) - 3} more"])

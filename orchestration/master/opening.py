@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,30 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
         except UserError as error:
             raise UserError(f"{member.name}: {error}") from error
     return members
+
+
+def check_abilities(members: Sequence[Instance], points: list[float], settings: Settings) -> None:
+    """Refuse what a member says it cannot do.
+
+    Raises
+    ------
+    UserError
+        Member, what is asked of it, and the ability that it lacks.
+    """
+    sizes = np.diff(points)
+    for member in members:
+        slow = 1 / settings.rates.get(member.name, Fraction(1))
+        uneven = np.ptp(sizes) > 1e-6 * sizes[0] or (slow > 1 and sizes.size % int(slow) != 0)
+        if (uneven or settings.adaptive) and not member.can_vary_step:
+            raise UserError(
+                f"{member.name}: its steps must all be of one size (canHandleVariableCommunicationStepSize is false)"
+            )
+        if settings.adaptive and not member.can_restore:
+            raise UserError(
+                f"{member.name}: cannot restore its state (canGetAndSetFMUstate is false), which a tolerance needs"
+            )
+        if settings.adaptive and slow > 1:
+            raise UserError(f"{member.name}: a rate below 1 does not go with a tolerance")
 
 
 def columns(system: System, inputs: Mapping[str, Array], points: int) -> dict[Port, list[float]]:

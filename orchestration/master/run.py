@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.fmu import Fmu
 from orchestration.master.adaptive import Adaptive
 from orchestration.master.graph import describe
+from orchestration.master.initialization import enter, initialize
 from orchestration.master.interrupt import Interrupt, deferred
 from orchestration.master.machine import Machine
-from orchestration.master.members import Clock, Instance
-from orchestration.master.opening import columns, open_members, structure
+from orchestration.master.members import Clock
+from orchestration.master.opening import check_abilities, columns, open_members, structure
 from orchestration.master.program import Settings
 from orchestration.master.result import Run, Spent, Statistics, Stopped
 from orchestration.signals import read_signal
@@ -96,14 +96,13 @@ def run(
     fed = columns(system, inputs or {}, len(points))
     with ExitStack() as opened:
         members = open_members(system, opened)
-        _check_abilities(members, points, settings)
+        check_abilities(members, points, settings)
         who_feeds_whom, recorded = structure(system, members, list(fed), record, settings)
         clock = Clock()
         clock.set(points[0], points[0])
-        for member in members:
-            _named(member, lambda fmu: fmu.enter_initialization(points[0], points[-1]))
+        enter(members, points[0], points[-1])
         machine = Machine(members, who_feeds_whom, system.connections, fed, settings, clock)
-        notes = _initialize(machine)
+        notes = initialize(machine)
         return _Runner(machine, points, recorded, tolerance, progress, notes).run()
 
 
@@ -119,8 +118,8 @@ class _Runner:
         progress: Callable[[int], None],
         notes: Sequence[str],
     ):
-        self._said = notes
         self._machine, self._points, self._recorded, self._progress = machine, points, recorded, progress
+        self._of_initialization = notes
         self._adaptive = None if tolerance is None else Adaptive(machine, tolerance)
         self._rows = BytesIO()
         self._done = 0
@@ -222,7 +221,7 @@ class _Runner:
         return Statistics(spent, steps, rollbacks, evaluations, self._wall)
 
     def _notes(self) -> Iterator[str]:
-        yield from self._said
+        yield from self._of_initialization
         spent: dict[str, int] = {}
         for loop, fixed_point, _ in self._machine.loops:  # the same one again where members have rates of their own
             spent[describe(loop)] = spent.get(describe(loop), 0) + fixed_point.evaluations
@@ -252,62 +251,3 @@ def _rate(name: str, value: float) -> Fraction:
     if rate <= 0 or 1 not in (rate.numerator, rate.denominator):
         raise UserError(f"rate {value:g} of {name}: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3, ...")
     return rate
-
-
-def _check_abilities(members: Sequence[Instance], points: list[float], settings: Settings) -> None:
-    """Refuse what a member says it cannot do."""
-    sizes = np.diff(points)
-    for member in members:
-        slow = 1 / settings.rates.get(member.name, Fraction(1))
-        uneven = np.ptp(sizes) > 1e-6 * sizes[0] or (slow > 1 and sizes.size % int(slow) != 0)
-        if (uneven or settings.adaptive) and not member.can_vary_step:
-            raise UserError(
-                f"{member.name}: its steps must all be of one size (canHandleVariableCommunicationStepSize is false)"
-            )
-        if settings.adaptive and not member.can_restore:
-            raise UserError(
-                f"{member.name}: cannot restore its state (canGetAndSetFMUstate is false), which a tolerance needs"
-            )
-        if settings.adaptive and slow > 1:
-            raise UserError(f"{member.name}: a rate below 1 does not go with a tolerance")
-
-
-def _initialize(machine: Machine) -> list[str]:
-    """Pass start values on until they no longer change, and end the initialization; what should be known of it.
-
-    Raises
-    ------
-    UserError
-        If a member refuses.
-    """
-    notes = []
-    for _ in range(len(machine.members) + 2):
-        before = machine.feed.values.copy()
-        _propagate(machine)
-        settled = np.isclose(before, machine.feed.values, rtol=1e-9, atol=1e-12)
-        if settled.all():
-            break
-    else:
-        moving = ", ".join(str(port) for port, i in machine.feed.at.items() if not settled[i])
-        notes.append(f"start values depend on each other in a circle and do not settle: {moving}")
-    for member in machine.members:
-        _named(member, lambda fmu: fmu.exit_initialization())
-    machine.read_early()
-    return notes
-
-
-def _propagate(machine: Machine) -> None:
-    try:
-        machine.read_early()
-        machine.exchange(machine.everyone.stations, 0)
-    except UserError:
-        for member in machine.members:  # parameters are judged at the end, and bad ones are the likelier reason
-            _named(member, lambda fmu: fmu.exit_initialization())
-        raise
-
-
-def _named(member: Instance, act: Callable[[Fmu], None]) -> None:
-    try:
-        act(member.fmu)
-    except UserError as error:
-        raise UserError(f"{member.name}: {error}") from error

@@ -141,7 +141,7 @@ def _check_connection(system: System, models: Mapping[str, Model], connection: C
     transformation = (connection.factor, connection.offset)
     if not all(map(math.isfinite, transformation)):
         raise UserError(f"{where}: factor {connection.factor} and offset {connection.offset} must be finite")
-    if transformation == _IDENTITY:
+    if connection.passes_on:
         needed = conversion(gives.unit, takes.unit)
         if needed is None:
             raise UserError(f"{where}: unit {gives.unit!r} of {source} cannot become {takes.unit!r} of {target}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -44,6 +44,25 @@ class Member:
     parameters: Mapping[str, float] = field(default_factory=dict)
     cls: type[Component] | None = None
 
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        component: type[Component],
+        parameters: Mapping[str, float] | None = None,
+        runtime: str = "native",
+    ) -> Member:
+        """Member that is a component of ours; its FMU is built unless the cache has it.
+
+        Raises
+        ------
+        UserError
+            If there is no such runtime, or the FMU cannot be built.
+        """
+        from fmus.kit.build import build_cached
+
+        return cls(name, build_cached(component, runtime), parameters or {}, component)
+
 
 @dataclass(frozen=True)
 class Connection:
@@ -61,6 +80,11 @@ class Connection:
     target: Port
     factor: float = 1.0
     offset: float = 0.0
+
+    @property
+    def passes_on(self) -> bool:
+        """Whether the value arrives as it is."""
+        return (self.factor, self.offset) == (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -129,8 +153,7 @@ def connect(*pairs: str) -> tuple[Connection, ...]:
 
 
 def _connection(text: str) -> Connection:
-    ends: Sequence[str] = [end.strip() for end in text.split("->")]
-    parts = [end.partition(".") for end in ends]
+    parts = [end.strip().partition(".") for end in text.split("->")]
     if len(parts) != 2 or not all(member and variable for member, _, variable in parts):
         raise UserError(f"{text!r} is not of the form member.output -> member.input")
     source, target = (Port(member, variable) for member, _, variable in parts)

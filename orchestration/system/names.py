@@ -8,6 +8,7 @@ SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 NAMESPACES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "osp": OSP}
 
+ENDINGS = (".ssp", ".ssd")  # an archive, and a bare description
 DESCRIPTION = "SystemStructure.ssd"
 FMU = "application/x-fmu-sharedlibrary"
 PARAMETERS = "application/x-ssp-parameter-set"

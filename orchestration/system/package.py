@@ -38,7 +38,7 @@ class Package:
         self._zip: zipfile.ZipFile | None = None
         if not path.is_file():
             raise UserError(f"{path}: {'a folder, not a system' if path.is_dir() else 'no such file'}")
-        if path.suffix == ".ssd":
+        if path.suffix.lower() == ".ssd":
             self.description = path.name
             return
         self.description = DESCRIPTION

@@ -94,9 +94,9 @@ class _Reader:
         return value
 
     def system(self, root: Element, top: Element) -> System:
-        members = {member.name: member for member in map(self._member, top.findall("ssd:Elements/*", NAMESPACES))}
-        count = len(top.findall("ssd:Elements/*", NAMESPACES))
-        if len(members) != count:
+        found = [self._member(element) for element in top.findall("ssd:Elements/*", NAMESPACES)]
+        members = {member.name: member for member in found}
+        if len(members) != len(found):
             raise self._wrong("two members have one name")
         for name, value in self._bindings(top, "system"):
             owner, dot, parameter = name.partition(".")
@@ -243,7 +243,7 @@ class _Reader:
 
     def _check_conversion(self, connection: Connection, members: dict[str, Member], where: str) -> None:
         """Refuse a factor where tools differ: in SSP it may follow a conversion of units, in others not."""
-        if (connection.factor, connection.offset) == (1.0, 0.0):
+        if connection.passes_on:
             return
         gives = interface(members[connection.source.member]).outputs.get(connection.source.variable)
         takes = interface(members[connection.target.member]).inputs.get(connection.target.variable)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from fmus import component
 from fmus.kit import Component
-from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 
 from . import ageing_actuator
@@ -18,10 +17,6 @@ FEET = ("an", "po", "do", "pl")  # the actuators of a foot
 # coulombs slacken an actuator by less than 1 N.
 PRETENSION = {"po": 5.0, "pl": 5.0}
 _ANTAGONIST = {"po": "an", "pl": "do"}
-
-
-def _member(name: str, cls: type[Component], runtime: str, parameters: Mapping[str, float] | None = None) -> Member:
-    return Member(name, build_cached(cls, runtime), parameters or {}, cls)
 
 
 def _outputs(*ports: str) -> dict[str, Port]:
@@ -35,8 +30,8 @@ def _bench(name: str, actuator: str, doc: str, runtime: str) -> System:
     return System(
         name,
         (
-            _member("bench", component("voice_coil_dma"), runtime, {"hold": 0.0}),
-            _member(actuator, component("ppy_actuator_length_driven"), runtime),
+            Member.of("bench", component("voice_coil_dma"), {"hold": 0.0}, runtime),
+            Member.of(actuator, component("ppy_actuator_length_driven"), runtime=runtime),
         ),
         connect(f"bench.position -> {actuator}.length_change", f"{actuator}.tension -> bench.tension"),
         {"force_reference": (Port("bench", "force_reference"),), "current": (Port(actuator, "current"),)},
@@ -69,9 +64,9 @@ def degradation_watch(runtime: str) -> System:
     return System(
         "degradation_watch",
         (  # the estimator first: it samples what is there before the protection acts on the same sample
-            _member("estimator", component("degradation_estimator"), runtime, watch),
-            _member("galvanostat", component("galvanostat"), runtime, drive),
-            _member("actuator", ageing_actuator.actuator(), runtime, films),
+            Member.of("estimator", component("degradation_estimator"), watch, runtime),
+            Member.of("galvanostat", component("galvanostat"), drive, runtime),
+            Member.of("actuator", ageing_actuator.actuator(), films, runtime),
         ),
         connect(
             "galvanostat.current -> actuator.current",
@@ -99,10 +94,10 @@ def foot_gait(runtime: str) -> System:
     return System(
         "foot_gait",
         (
-            _member("foot", foot, runtime),
+            Member.of("foot", foot, runtime=runtime),
             # an actuator that has flowed to a shorter length than it is held at is under tension
             *(
-                _member(a, actuator, runtime, {"maxwell_elongation_start": -tension / stiffness})
+                Member.of(a, actuator, {"maxwell_elongation_start": -tension / stiffness}, runtime)
                 for a, tension in sorted(balanced(foot()).items(), key=lambda pair: FEET.index(pair[0]))
             ),
         ),
@@ -157,26 +152,3 @@ def system(name: str, runtime: str = "native") -> System:
     if name not in _SYSTEMS:
         raise UserError(f"no system named {name!r}{suggestion(name, _SYSTEMS)}")
     return _SYSTEMS[name](runtime)
-
-
-class _Systems(Mapping[str, System]):
-    """The systems by name, each made when it is asked for."""
-
-    def __init__(self, runtime: str):
-        self._runtime = runtime
-
-    def __getitem__(self, name: str) -> System:
-        if name not in _SYSTEMS:
-            raise KeyError(name)
-        return system(name, self._runtime)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(_SYSTEMS)
-
-    def __len__(self) -> int:
-        return len(_SYSTEMS)
-
-
-def systems(runtime: str = "native") -> Mapping[str, System]:
-    """Return all systems that ship by name, each made when it is asked for; see :func:`system`."""
-    return _Systems(runtime)

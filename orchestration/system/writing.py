@@ -14,9 +14,21 @@ from fmus.kit.parameters import define_units, to_ssv
 from orchestration.models import Model
 from orchestration.signals import Signal
 
-from .check import check, interface
+from .check import check, interface, variable
 from .model import Connection, Member, Port, System
-from .names import CONNECTORS, DESCRIPTION, FMU, NAMESPACES, OUTSIDE, PARAMETER_SET, PARAMETERS, SSD, STEP, tag
+from .names import (
+    CONNECTORS,
+    DESCRIPTION,
+    ENDINGS,
+    FMU,
+    NAMESPACES,
+    OUTSIDE,
+    PARAMETER_SET,
+    PARAMETERS,
+    SSD,
+    STEP,
+    tag,
+)
 
 
 def write(system: System, path: Path, connectors: bool = False) -> None:
@@ -38,8 +50,10 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
         If the system does not pass :func:`.check.check`, or a file cannot be written; for a bare description also if
         another file is in the place of one of its resources.
     """
-    if path.suffix not in (".ssp", ".ssd"):
-        raise UserError(f"{path}: a system is written as .ssp or .ssd, not {path.suffix or 'without an ending'}")
+    if path.suffix not in ENDINGS:
+        raise UserError(
+            f"{path}: a system is written as {' or '.join(ENDINGS)}, not {path.suffix or 'without an ending'}"
+        )
     check(system)
     places, resources = _resources(system)
     description = _describe(system, places, connectors)
@@ -87,9 +101,7 @@ def _store(files: dict[str, bytes], name: str, ending: str, contents: bytes) -> 
 
 
 def _parameters(member: Member) -> bytes:
-    model = interface(member)
-    known = {**model.parameters, **model.inputs}
-    return to_ssv(PARAMETER_SET, member.parameters, {name: _told(known[name]) for name in member.parameters})
+    return to_ssv(PARAMETER_SET, member.parameters, {name: _told(variable(member, name)) for name in member.parameters})
 
 
 def _told(signal: Signal) -> Signal:
@@ -191,7 +203,7 @@ def _wire(connection: Connection) -> Element:
             "endElement": target.member, "endConnector": target.variable,
         },
     )  # fmt: skip
-    if (connection.factor, connection.offset) != (1.0, 0.0):
+    if not connection.passes_on:
         wire.set("suppressUnitConversion", "true")  # the factor is all that is done
         values = {"factor": repr(float(connection.factor)), "offset": repr(float(connection.offset))}
         SubElement(wire, tag("ssc:LinearTransformation"), values)

@@ -1,0 +1,147 @@
+"""A component over a record: residuals of its free run and their exact derivatives, in searched coordinates.
+
+Parameters that are positive by nature are searched in their logarithm, others in units of their size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import Component
+from fmus.kit.compiled import CompiledModel
+from fmus.kit.errors import UserError
+
+Array = NDArray[np.float64]
+_EFFORT = 2000  # internal steps per sample: beyond, a search has strayed to parameters that make the model stiff
+_NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How a parameter is searched: q = log(value) where it is positive by nature, else value / size."""
+
+    logarithmic: bool
+    size: float
+
+    def value(self, q: float) -> float:
+        """Value at a searched coordinate."""
+        with np.errstate(over="ignore"):  # the end of an interval may lie beyond every number
+            return float(np.exp(q)) if self.logarithmic else float(q * self.size)
+
+    def position(self, value: float) -> float:
+        """Searched coordinate of a value."""
+        if self.logarithmic:
+            return float(np.log(value)) if value > 0.0 else -np.inf
+        return value / self.size
+
+    def slope(self, q: float) -> float:
+        """Return d value / d q."""
+        return float(np.exp(q)) if self.logarithmic else self.size
+
+
+class Problem:
+    """A component, a record, and the parameters to search; one simulation serves residuals and derivatives.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    time : ndarray, shape (n,)
+        Seconds.
+    inputs, measured : Mapping[str, ndarray]
+        Inputs and measured outputs (n,), SI; NaN in an output is a gap.
+    names : sequence of str
+        Parameters to search, start values of states included.
+    fixed : Mapping[str, float]
+        Values of others, and starting points of those to search.
+
+    Attributes
+    ----------
+    declared : dict of str to Declaration
+    start : dict of str to float
+        Value of every parameter where the search starts.
+    measured, present : dict of str to ndarray
+        Outputs of which anything was measured, and where.
+    scales : list of Scale
+    evaluations : int
+        Simulations made.
+
+    Raises
+    ------
+    UserError
+        If a name is unknown or its parameter is not real, or there is no C compiler.
+    """
+
+    def __init__(
+        self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
+        names: Sequence[str], fixed: Mapping[str, float],
+    ):  # fmt: skip
+        self.model = CompiledModel(cls, names)
+        self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
+        for name in names:
+            if self.declared[name].type != "real":
+                raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
+        self.time, self.inputs, self.names = time, inputs, list(names)
+        self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
+        self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
+        self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
+        self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
+        self.evaluations = 0
+        self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
+
+    def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return residuals (m,) and Jacobian (m, p) of every output, where it was measured.
+
+        Raises
+        ------
+        UserError
+            If the simulation fails there.
+        """
+        if self._at is None or self._at[0] != q.tobytes():
+            self.evaluations += 1
+            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort=_EFFORT)
+            slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
+            error = {o: (trajectory.signals[o] - y)[self.present[o]] for o, y in self.measured.items()}
+            jacobian = {o: trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
+            self._at = (q.tobytes(), error, jacobian)
+        return self._at[1:]
+
+    @property
+    def ran(self) -> bool:
+        """Whether any simulation succeeded."""
+        return self._at is not None
+
+    @property
+    def samples(self) -> int:
+        """Measured values."""
+        return sum(int(p.sum()) for p in self.present.values())
+
+    def values(self, q: Array) -> dict[str, float]:
+        """Searched parameters by name."""
+        return {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
+
+    def position(self, values: Mapping[str, float]) -> Array:
+        """Searched coordinates of values by name."""
+        return np.array([s.position(values[n]) for n, s in zip(self.names, self.scales, strict=True)])
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Ends of the ranges in searched coordinates, each of shape (p,)."""
+        ranges = [(self.declared[n].min, self.declared[n].max) for n in self.names]
+        ends = [(s.position(low), s.position(high)) for s, (low, high) in zip(self.scales, ranges, strict=True)]
+        low, high = np.array(ends).T
+        return low, high
+
+    def inside(self, q: Array) -> Array:
+        """Move a starting point off the ends of the ranges, where the first steps would be very small."""
+        low, high = self.bounds()
+        nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
+        return np.clip(q, low + nudge, high - nudge)
+
+
+def _scale(declaration: Any, value: float) -> Scale:
+    positive = declaration.min >= 0.0 and value > 0.0
+    return Scale(positive, abs(value) or declaration.nominal)

@@ -1,0 +1,68 @@
+"""From members that are open to a system that is initialized: start values go from outputs to inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fmus.kit.errors import UserError
+from orchestration.fmu import Fmu
+from orchestration.master.machine import Machine
+from orchestration.master.members import Instance
+
+
+def enter(members: Sequence[Instance], start: float, stop: float) -> None:
+    """Set the parameters of all members and enter their initialization mode.
+
+    Raises
+    ------
+    UserError
+        If a member refuses.
+    """
+    for member in members:
+        _named(member, lambda fmu: fmu.enter_initialization(start, stop))
+
+
+def initialize(machine: Machine) -> list[str]:
+    """Pass start values on until they no longer change, and end the initialization; what should be known of it.
+
+    Raises
+    ------
+    UserError
+        If a member refuses.
+    """
+    notes = []
+    for _ in range(len(machine.members) + 2):
+        before = machine.feed.values.copy()
+        _propagate(machine)
+        settled = np.isclose(before, machine.feed.values, rtol=1e-9, atol=1e-12)
+        if settled.all():
+            break
+    else:
+        moving = ", ".join(str(port) for port, i in machine.feed.at.items() if not settled[i])
+        notes.append(f"start values depend on each other in a circle and do not settle: {moving}")
+    _leave(machine)
+    machine.read_early()
+    return notes
+
+
+def _propagate(machine: Machine) -> None:
+    try:
+        machine.read_early()
+        machine.exchange(machine.everyone.stations, 0)
+    except UserError:
+        _leave(machine)  # parameters are judged at the end, and bad ones are the likelier reason
+        raise
+
+
+def _leave(machine: Machine) -> None:
+    for member in machine.members:
+        _named(member, lambda fmu: fmu.exit_initialization())
+
+
+def _named(member: Instance, act: Callable[[Fmu], None]) -> None:
+    try:
+        act(member.fmu)
+    except UserError as error:
+        raise UserError(f"{member.name}: {error}") from error
