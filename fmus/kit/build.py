@@ -216,9 +216,9 @@ def _python_package(cls: type[Component]) -> dict[str, bytes]:
 
 
 def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
-    """Text of a class in the FMU's package; one that is made for an output is made for it again."""
+    """Text of a class in the FMU's package; one that is made for an output or a law is made for it again."""
     if "made_by" not in vars(cls):
         return parts[cls]
-    output = vars(cls)["output"]
-    owner = next(name for part, name in parts.items() if output in (o.name for o in part.layout.outputs))
-    return f"{parts[cls]}({owner}, {output!r})"
+    arguments = vars(cls)["made_with"]
+    owner = next(name for part, name in parts.items() if hasattr(part, arguments[0]))
+    return f"{parts[cls]}({', '.join([owner, *map(repr, arguments)])})"

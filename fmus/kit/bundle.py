@@ -19,7 +19,17 @@ from .component import Component
 from .errors import UserError
 
 # Light modules of the kit: they need nothing beyond the standard library.
-RUNTIME_MODULES = ("__init__", "component", "declare", "errors", "functions", "integrate", "sensors", "slave")
+RUNTIME_MODULES = (
+    "__init__",
+    "component",
+    "declare",
+    "errors",
+    "functions",
+    "generic",
+    "integrate",
+    "sensors",
+    "slave",
+)
 _KIT = __package__
 _OURS = _KIT.partition(".")[0]
 _FILES, _PACKAGES = "models", "packages"  # folders of modules that are not ours: single files, and parts of packages

@@ -63,7 +63,13 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
         def below(self: Any) -> Any:
             return getattr(super(effect, self), output)()
 
-        about = {"id": body.__name__, "output": output, "made_by": make, "__doc__": body.__doc__}
+        about = {
+            "id": body.__name__,
+            "output": output,
+            "__doc__": body.__doc__,
+            "made_by": make,
+            "made_with": (output,),
+        }
         members = body(_Quantity(output, of.unit, of.nominal, of.display, below)) | about
         title = f"{body.__name__}_of_{output}".title().replace("_", "")
         effect: type[Effect] = type(title, (Effect,), members | {"__module__": __name__})
