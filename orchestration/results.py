@@ -70,37 +70,58 @@ def check_format(path: Path) -> None:
         raise UserError(f"--out {path}: its name must end in {', '.join(FORMATS)}, not {path.suffix or 'nothing'!r}")
 
 
+def check(sketch: xarray.Dataset, path: Path) -> None:
+    """Refuse what a file's format cannot hold, by writing results of a single point somewhere else.
+
+    Raises
+    ------
+    UserError
+        Name and format.
+    """
+    with tempfile.TemporaryDirectory(prefix="ppy-check-") as folder:
+        _write(sketch, Path(folder) / f"sketch{path.suffix}", str(path))
+
+
 def write(data: xarray.Dataset, path: Path) -> None:
     """Write results, whole or not at all, in the format of the file's ending.
 
     Raises
     ------
     UserError
-        If the file cannot be written, or the ending is no format.
+        If the file cannot be written, the ending is no format, or the format does not allow a name.
     """
     check_format(path)
+    _write(data, path, str(path))
+
+
+def _write(data: xarray.Dataset, path: Path, called: str) -> None:
     kind = path.suffix.lower()
     if kind == ".nc":
         try:
             content = bytes(data.to_netcdf(engine="scipy"))
-        except ValueError as error:  # a name that NetCDF does not allow
-            raise UserError(f"{path}: {error}; write .parquet") from error
+        except UnicodeEncodeError as error:
+            raise UserError(f"{called}: {error.object!r} cannot be a name in NetCDF 3; write .parquet") from error
+        except ValueError as error:
+            raise UserError(f"{called}: {error}; write .parquet") from error
         archive.write(path, content)
     elif kind == ".parquet":
-        archive.write(path, _parquet(data, path))
+        archive.write(path, _parquet(data, called))
     else:
         columns = {str(name): array.values for name, array in data.items()}
-        if spoilt := [name for name in columns if set(name) & set('[]"')]:
-            raise UserError(f"{path}: {spoilt[0]!r} cannot stand in a CSV header; write .nc or .parquet")
-        write_record(path, data.time.values, columns, {str(name): array.units for name, array in data.items()})
+        try:
+            write_record(path, data.time.values, columns, {str(name): array.units for name, array in data.items()})
+        except UserError:
+            raise
+        except ValueError as error:
+            raise UserError(f"{called}: {error} in a CSV header; write .nc or .parquet") from error
 
 
-def _parquet(data: xarray.Dataset, path: Path) -> bytes:
+def _parquet(data: xarray.Dataset, called: str) -> bytes:
     try:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise UserError(f"{path}: writing Parquet needs pyarrow: pip install 'ppy-rig[records]'") from None
+        raise UserError(f"{called}: writing Parquet needs pyarrow: pip install 'ppy-rig[records]'") from None
     whole = {"time": data.time, **data}
     table = pyarrow.table({f"{name} [{array.units}]": array.values for name, array in whole.items()})
     about = {"attributes": data.attrs, "variables": {str(name): array.attrs for name, array in whole.items()}}

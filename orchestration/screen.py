@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 
 # in a file or a pipe there is no edge to wrap at; 160 keeps the tables whole
 _WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-out = Console(highlight=False, soft_wrap=True, width=_WIDTH)
-err = Console(stderr=True, highlight=False)
+# names and messages are shown as they are: brackets and colons in them are no markup
+out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=_WIDTH)
+err = Console(stderr=True, highlight=False, markup=False, emoji=False)
 
 
 class Tell:
@@ -71,7 +72,7 @@ def progress() -> Iterator[Tell]:
         return
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         _Rate(),
         TimeElapsedColumn(),
@@ -87,15 +88,16 @@ def info(name: str) -> None:
     from fmus.kit.documentation import allowed, shown
 
     cls = component(name)
-    out.print(f"[bold]{name}[/]  {(cls.__doc__ or '').strip().splitlines()[0]}\n")
+    out.print(name, style="bold", end="  ")
+    out.print(f"{(cls.__doc__ or '').strip().splitlines()[0]}\n")
     layout = cls.layout
     for title, variables in (("inputs", layout.inputs), ("outputs", layout.measurable)):
-        table = _table(title, "name", "unit", "meaning")
+        table = plain_table(title, "name", "unit", "meaning")
         for v in variables:
             table.add_row(v.name, v.unit, v.doc)
         out.print(table)
         out.print()
-    table = _table("parameters", "name", "default", "allowed", "meaning")
+    table = plain_table("parameters", "name", "default", "allowed", "meaning")
     for p in layout.parameters:
         table.add_row(p.name, shown(p.start, p), allowed(p), p.doc)
     out.print(table)
@@ -106,11 +108,11 @@ def info(name: str) -> None:
     for source, names in sources.items():
         out.print(f"  {', '.join(names)}: {source}", style="dim", markup=False)
     for preset, about in cls.presets.items():
-        out.print(f"\npreset [cyan]{preset}[/]: {about.doc}")
+        out.print(Text.assemble("\npreset ", (preset, "cyan"), f": {about.doc}"))
     out.print(f"\nstep {cls.experiment[1]:g} s by default; internal accuracy {cls.tolerance:g}")
 
 
-def _table(title: str | None, *columns: str) -> Table:
+def plain_table(title: str | None, *columns: str) -> Table:
     """Make a plain table whose last column takes the room that is left."""
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for column in columns[:-1]:
@@ -130,8 +132,8 @@ def check(files: Sequence[Path]) -> bool:
         good &= errors == 0
         for finding in findings:
             style = {"error": "red", "warning": "yellow"}.get(finding.severity, "dim")
-            out.print(f"{path}: [{style}]{finding.severity}[/] (contract line {finding.line}) ", end="")
-            out.print(finding.message, markup=False)
+            rest = f" (contract line {finding.line}) {finding.message}"
+            out.print(Text.assemble(f"{path}: ", (finding.severity, style), rest))
         warnings = sum(f.severity == "warning" for f in findings)
         out.print(f"{path}: {'no errors' if errors == 0 else f'{errors} errors'}, {warnings} warnings")
     return good
@@ -147,18 +149,21 @@ def _model(name: str, runtime: str) -> Model:
         return find_model(name, runtime)
 
 
-def check_results(source: Path | None, result: Path | None, picture: Path | None, page: bool = False) -> None:
+def check_results(
+    sources: Mapping[str, Path | None], result: Path | None, picture: Path | None, page: bool = False
+) -> None:
     """Refuse, before any work is done, names under which nothing can be written or something would be lost.
 
-    A picture that is a page may have any ending.
+    The sources are the files that are read, by what they are. A picture that is a page may have any ending.
     """
     from orchestration.pictures import picture_format
 
     for option, path in (("--out", result), ("--plot", picture)):
         if path is not None and path.is_dir():
             raise UserError(f"{option} {path}: this is a folder; name a file in it")
-        if path is not None and source is not None and path.exists() and source.exists() and path.samefile(source):
-            raise UserError(f"{option} {path}: this is the record itself; it will not be overwritten")
+        for what, source in sources.items():
+            if path is not None and source is not None and path.exists() and source.exists() and path.samefile(source):
+                raise UserError(f"{option} {path}: this is the {what} itself; it will not be overwritten")
     if result is not None and result == picture:
         raise UserError(f"--out and --plot both name {result}")
     if picture is not None and not page:
@@ -192,7 +197,7 @@ def simulate(
     renamed = parse_mapping(mapping)
     if renamed and input_file is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
-    check_results(input_file, result, picture)
+    check_results({"record": input_file}, result, picture)
     model = _model(name, runtime)
     parameters = model.settings(settings, preset)
     experiment = read_description(model.path).defaultExperiment
@@ -200,7 +205,7 @@ def simulate(
     if input_file is not None:
         units_of = {s.name: s.unit for s in model.inputs.values()}
         record = read_record(input_file, units_of, mapping=renamed, inputs=list(units_of))
-        _notes(record.repairs)
+        tell_repairs(record.repairs)
         _check_inputs(model, record.signals, parameters)
         time = work.points(record.time, stop, step)
         inputs = {signal: work.held(record, signal, time) for signal in record.signals}
@@ -238,11 +243,11 @@ def compare(
     from orchestration import compare as work
     from orchestration.records import parse_mapping
 
-    check_results(record, result, picture)
+    check_results({"record": record}, result, picture)
     model = _model(name, runtime)
     parameters = model.settings(settings, preset)
     data = work.read_for(model, record, parse_mapping(mapping))
-    _notes(data.repairs)
+    tell_repairs(data.repairs)
     _check_inputs(model, data.signals, parameters)
     with progress() as tell:
         comparison = work.compare(model, data, parameters, names, tell)
@@ -291,7 +296,8 @@ def _percent(fit: float) -> str:
     return f"{fit:.2f} %" if math.isfinite(fit) else "undefined"  # of an output that was constant
 
 
-def _notes(repairs: Sequence[object]) -> None:
+def tell_repairs(repairs: Sequence[object]) -> None:
+    """Tell what was repaired or noticed in a record."""
     for repair in repairs:
         word = "repaired" if getattr(repair, "changed_data", False) else "noted"
         err.print(f"{word}: {getattr(repair, 'message', repair)}", markup=False, soft_wrap=True, style="dim")

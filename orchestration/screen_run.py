@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,21 +38,26 @@ def run(
         Whether it came to its end; and, where a result is made again, whether every bit is the same.
     """
     from orchestration import results
-    from orchestration.experiment.reading import read
+    from orchestration.experiment.reading import files, movable, read
     from orchestration.experiment.running import run as make
 
     source = Path(name)
     is_result = source.is_file() and source.suffix.lower() != ".toml"
-    _check_targets(source, result, picture)
     chosen = [*settings, *([f"runtime={runtime}"] if runtime else [])]
     wanted = read(name, chosen)
+    _check_targets({"result" if is_result else "experiment": source} | files(wanted), result, picture)
     earlier = results.read(source) if is_result and not chosen else None
+    if earlier is not None and not earlier.attrs["complete"]:
+        err.print(f"noted: {name} is incomplete; it is repeated as far as it goes, {wanted.duration:g} s", markup=False)
     with progress() as tell:
         tell(f"running {name} (FMUs that are not in the cache are built first)")
-        found = make(wanted, name, tell.done, lambda line: err.print(f"noted: {line}", markup=False))
+        found = make(
+            wanted, name, tell.done, lambda line: err.print(f"noted: {line}", markup=False),
+            lambda sketch: None if result is None else results.check(sketch, result),
+        )  # fmt: skip
     _show(found)
     if result is not None:
-        results.write(found, result)
+        results.write(movable(found, result.parent), result)
         out.print(f"wrote {result}" + ("" if found.attrs["complete"] else " (incomplete)"), markup=False)
     if picture is not None:
         results.plot(found, picture)
@@ -60,12 +65,12 @@ def run(
     return bool(found.attrs["complete"]), earlier is None or _same(found, earlier, name)
 
 
-def _check_targets(source: Path, result: Path | None, picture: Path | None) -> None:
+def _check_targets(sources: Mapping[str, Path], result: Path | None, picture: Path | None) -> None:
     """Refuse, before anything is computed, names under which nothing can be written or something would be lost."""
     from orchestration import results
 
     page = picture is not None and picture.suffix.lower() == ".html"
-    check_results(source, result, picture, page)
+    check_results(sources, result, picture, page)
     if result is not None:
         results.check_format(result)
     for path in filter(None, (result, picture)):

@@ -262,11 +262,13 @@ def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: S
     Raises
     ------
     UserError
-        If there are no frequencies, or they repeat or are not above 0.
+        If there are no frequencies, they repeat or are not above 0, or the rms is negative.
     """
     tones = np.asarray(frequencies, dtype=float)
     if tones.size == 0 or np.unique(tones).size != tones.size or np.any(tones <= 0):
         raise UserError(f"frequencies = {list(frequencies)} Hz: must be different from each other and above 0")
+    if not rms >= 0:
+        raise UserError(f"rms = {rms:g}: must be 0 or more")
     t = _vector(time)
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, tones.size)
     total = np.zeros_like(t)

@@ -3,6 +3,7 @@
 import inspect
 import json
 import tomllib
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError
 from orchestration import master
 from orchestration.experiment.catalogue import shipped
@@ -18,9 +20,11 @@ from orchestration.experiment.model import Master, parse
 from orchestration.experiment.reading import read
 from orchestration.experiment.running import run
 from orchestration.experiment.stimulus import KINDS
+from orchestration.fused import fuse
 from orchestration.models import find_model
 from orchestration.records import write_record
 from orchestration.simulate import simulate
+from orchestration.system import shipped as systems
 
 ROOT = Path(__file__).parents[1]
 R1, R2, C = 0.43, 2.35, 2.70  # table 3-1, ohm and F
@@ -309,16 +313,17 @@ def test_the_master_has_no_option_that_an_experiment_has_not():
 
 
 def test_an_adaptive_master_comes_closer():
-    """Against the same system at a tenth of the step, the run with a tolerance is nearer than the one without."""
-    text = 'system = "dma_bench"\nrecord = ["actuator.tension"]\n[inputs]\nforce_reference = 1\ncurrent = 0\n[master]\n'
-    fine = make("duration = 0.2\nstep = 1e-4\n" + text)["actuator.tension"].values[::10]
-    held = make("duration = 0.2\nstep = 1e-3\n" + text)["actuator.tension"].values
-    close = make("duration = 0.2\nstep = 1e-3\n" + text + "tolerance = 1e-6\n")["actuator.tension"].values
-    assert np.max(np.abs(close - fine)) < 0.5 * np.max(np.abs(held - fine))
+    """To the fused system, which has no coupling error: that of a step, h^2, is the tolerance, that of all its root."""
+    text = 'system = "dma_bench"\nrecord = ["actuator.tension"]\nduration = 0.2\nstep = 1e-3\n'
+    text += "[inputs]\nforce_reference = 1\ncurrent = 0\n[master]\n"
+    held, near = make(text)["actuator.tension"], make(text + "tolerance = 1e-6\n")["actuator.tension"]
+    inputs = {"force_reference": np.ones(held.size), "current": np.zeros(held.size)}
+    fused = CompiledModel(fuse(systems.system("dma_bench"))).run(held.time.values, inputs).signals["actuator.tension"]
+    assert np.abs(near.values - fused).max() < 1e-3 * np.abs(fused).max()
+    assert np.abs(held.values - fused).max() > 0.1 * np.abs(fused).max()
 
 
 def test_a_system_from_a_file_is_the_system(tmp_path):
-    from orchestration.system import shipped as systems
     from orchestration.system import ssp
 
     ssp.write(systems.system("dma_bench"), tmp_path / "bench.ssp")
@@ -327,6 +332,65 @@ def test_a_system_from_a_file_is_the_system(tmp_path):
     assert list(one) == list(other)
     for name in one:
         assert one[name].values.tobytes() == other[name].values.tobytes()
+
+
+BENCH = 'system = "dma_bench"\nrecord = ["bench.position", "actuator.tension", "actuator.voltage"]\n'
+DRIVEN = "[inputs]\nforce_reference = { kind = 'sine', amplitude = 0.5, offset = 1, frequency = 20 }\ncurrent = 0.1\n"
+STEADY = "[inputs]\nforce_reference = 1\ncurrent = 0.1\n"  # held over any step, it is the same input
+
+
+def test_an_input_that_nothing_feeds_is_set_as_a_parameter():
+    """On hold the controller does not integrate, and the force stays away from what is wanted."""
+    text = BENCH + "duration = 0.5\nstep = 1e-3\n[parameters]\nbench.hold = true\n[inputs]\nforce_reference = 1\n"
+    found = make(text + "current = 0")
+    assert abs(found["actuator.tension"].values[-1] - 1.0) > 0.05
+    system = systems.system("dma_bench")
+    bench = replace(system.member("bench"), parameters={"hold": 1.0})
+    held = replace(system, members=(bench, system.member("actuator")))
+    time = found.time.values
+    exact = master.run(held, time, {"force_reference": np.ones(time.size)}).signals["actuator.tension"]
+    assert found["actuator.tension"].values.tobytes() == exact.tobytes()
+    assert json.loads(found.attrs["parameters"])["bench.hold"].startswith("1.0")
+
+
+def test_a_fused_system_is_where_smaller_steps_lead():
+    """Gauss-Seidel is of first order, so that twice a half step less a step is nearer by far; the circuit is exact."""
+    fused = make(BENCH + "duration = 0.1\nstep = 1e-4\nmaster = { method = 'fused' }\n" + STEADY)
+    steps = [make(BENCH + f"duration = 0.1\nstep = {h}\n" + STEADY) for h in (1e-4, 5e-5)]
+    assert list(fused) == [name for name in steps[0] if not name.startswith("imbalance")]
+    assert fused["actuator.voltage"].values == pytest.approx(circuit(fused.time.values, fused.current.values), abs=1e-6)
+    for name in ("bench.position", "actuator.tension"):
+        coarse, fine = (found[name].values[::stride] for found, stride in zip(steps, (1, 2), strict=True))
+        apart = np.max(np.abs(coarse - fused[name].values))
+        assert apart > 1e-4 * np.max(np.abs(coarse))
+        assert np.max(np.abs(2 * fine - coarse - fused[name].values)) < 0.2 * apart
+    assert fused[name].attrs == steps[0][name].attrs
+
+
+def test_the_energy_that_a_coupling_makes_is_told_along_the_way():
+    """The force is held while the actuator, a spring, yields: half of force change times way in every step."""
+    notes = []
+    given = tomllib.loads(BENCH + "duration = 0.1\nstep = 1e-4\n" + DRIVEN)
+    found = run(parse(given, "test"), note=notes.append)
+    series = found["imbalance bench.position <-> actuator.tension"]
+    ways, changes = np.diff(found["bench.position"].values), np.diff(found["actuator.tension"].values)
+    energy = np.append(0.0, np.cumsum(0.5 * changes * ways))
+    assert series.values == pytest.approx(energy, abs=1e-9 * np.max(energy))
+    assert np.max(energy) > 0.0
+    assert series.units == "J"
+    tension = found["actuator.tension"].values
+    percent = 100 * energy[-1] / np.sum(np.abs(0.5 * (tension[1:] + tension[:-1]) * ways))
+    assert any(f"{energy[-1]:.3g} J made by the coupling, {percent:.3g} %" in line for line in notes)
+    given["record"] = ["actuator.voltage"]  # what the coupling needs is looked at without being recorded
+    assert list(run(parse(given, "test")))[2:] == ["actuator.voltage", series.name]
+
+
+@pytest.mark.parametrize(
+    "how", ["feedthrough = false", "tolerance = 1e-3", "rates = { bench = 2 }", "method = 'fused'"]
+)
+def test_no_energy_is_told_where_exchange_is_elsewhere(how):
+    found = make(BENCH + f"duration = 0.01\nstep = 1e-3\nmaster = {{ {how} }}\n" + DRIVEN)
+    assert list(found)[2:] == ["bench.position", "actuator.tension", "actuator.voltage"]
 
 
 # --- settings over the file -------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from orchestration.experiment.reading import read
 from orchestration.experiment.running import run
 from orchestration.records import read_record, write_record
 
-from .test_bad_input import here, posix
+from .test_bad_input import here, posix, refused
 from .test_cli import PNG
 
 TEXT = """
@@ -125,9 +126,9 @@ def test_compare_reads_a_result(folder, ending):
     assert figures["fitted"]["outputs"]["voltage"]["rms"] == pytest.approx(1e-3, rel=0.5)
 
 
-def edited(path, target, edit):
-    """Copy a result with something changed in it."""
-    data = results.read(path)
+def edited(path, target, edit, upto=None):
+    """Copy a result, or its beginning, with something changed in it."""
+    data = results.read(path).isel(time=slice(upto))
     edit(data)
     results.write(data, target)
     return target
@@ -224,6 +225,60 @@ def test_an_interrupt_leaves_what_was_computed(tmp_path, name, changes):
     whole = run(read(name, [*changes, "duration=99.9"]))
     for variable in part.variables:
         assert part[variable].values[:1000].tobytes() == whole[variable].values.tobytes()
+
+
+def part_of(path, points, target):
+    """Make an experiment, interrupted when so many points are done."""
+
+    def interrupt(done, whole):
+        if done >= points - 1:
+            raise KeyboardInterrupt
+
+    part = run(read(str(path)), progress=interrupt)
+    assert (part.attrs["complete"], part.time.size) == (0, points)
+    results.write(part, target)
+
+
+def test_an_incomplete_result_is_repeated_as_far_as_it_goes(folder):
+    """The current comes from a file that is gone; levels, chirp and noise are those of the whole experiment."""
+    chirp = 'force = { kind = "chirp", amplitude = 1, offset = 1, start_frequency = 0.1, stop_frequency = 2 }'
+    levels = re.search("force = .*", TEXT)[0]
+    for k, force in enumerate((levels, chirp)):
+        (folder / "play.toml").write_text(TEXT.replace(levels, force), encoding="utf-8")
+        part_of(folder / "play.toml", 12, folder / f"part{k}.nc")
+    (folder / "drive.csv").unlink()
+    for name in ("part0.nc", "part1.nc"):
+        done = here("run", name, "--out", "again.nc", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        assert f"{name} is incomplete; it is repeated as far as it goes, 1.1 s" in " ".join(done.stderr.split())
+        assert f"every value is the same to the last bit as in {name}" in done.stdout
+        assert "12 points, 1.1 s" in done.stdout
+        assert "every value is the same" in works("run", "again.nc", cwd=folder)
+    assert read(str(folder / "part0.nc"), ["seed=4"]).duration == 3.0  # another experiment: the whole of it
+    edited(folder / "part0.nc", folder / "first.nc", lambda data: None, upto=1)
+    refused(folder, "run", "first.nc", parts=["first.nc", "first point only"])
+
+
+def test_a_result_finds_its_system_where_both_were_moved_to(tmp_path):
+    """Beside it, or below; and beside it when it was made elsewhere and the system has come after it."""
+    home, other = tmp_path / "home", tmp_path / "other"
+    (home / "systems").mkdir(parents=True)
+    works("system", "export", "dma_bench", "--out", "systems/bench.ssp", cwd=home)
+    text = 'system = "systems/bench.ssp"\nduration = 0.01\n[inputs]\nforce_reference = 1\ncurrent = 0\n'
+    (home / "bench.toml").write_text(text, encoding="utf-8")
+    works("run", "bench.toml", "--out", "near.nc", cwd=home)
+    works("run", "bench.toml", "--out", "../far/far.nc", cwd=home)
+    assert json.loads(results.read(home / "near.nc").attrs["experiment"])["system"] == "systems/bench.ssp"
+    home.rename(other)
+    assert "every value is the same" in works("run", "other/near.nc", cwd=tmp_path)
+    refused(tmp_path, "run", "far/far.nc", parts=["bench.ssp"])
+    shutil.copy(other / "systems" / "bench.ssp", tmp_path / "far")
+    assert "every value is the same" in works("run", "far/far.nc", cwd=tmp_path)
+
+
+def test_a_mark_at_the_beginning_of_a_file_is_no_part_of_it(folder):
+    (folder / "marked.toml").write_text(TEXT, encoding="utf-8-sig")
+    assert read(str(folder / "marked.toml")) == read(str(folder / "play.toml"))
 
 
 def test_a_page_holds_picture_figures_and_the_experiment(folder):

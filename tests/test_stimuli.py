@@ -128,6 +128,7 @@ def test_multisine_has_exactly_its_lines():
         (lambda: stimuli.chirp(TIME, 1.0, 0.1, 1.0, duration=0.0), "duration"),
         (lambda: stimuli.multisine(TIME, [], 1.0, 0), "frequencies"),
         (lambda: stimuli.multisine(TIME, [0.1, 0.1], 1.0, 0), "frequencies"),
+        (lambda: stimuli.multisine(TIME, [0.1], -1.0, 0), "rms"),
     ],
 )
 def test_refusals_name_what_is_wrong(call, text):

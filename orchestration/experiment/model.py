@@ -40,13 +40,28 @@ class Noise(Table):
 
 
 class Master(Table):
-    """How a system is run: keywords of :func:`orchestration.master.run`."""
+    """How a system is run: keywords of :func:`orchestration.master.run`, or fused into one model without a master."""
 
-    method: Literal["gauss-seidel", "jacobi"] = "gauss-seidel"
+    method: Literal["gauss-seidel", "jacobi", "fused"] = "gauss-seidel"
     extrapolation: Annotated[int, Field(ge=0, le=1, strict=True)] = 0
     feedthrough: bool = True
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
     rates: dict[str, Annotated[float, Field(gt=0.0)]] | None = None
+
+    @model_validator(mode="after")
+    def _no_exchange_to_set(self) -> Master:
+        for key in self._set() if self.method == "fused" else ():
+            raise ValueError(f"{key} is about exchange between members; a fused system has none")
+        return self
+
+    def _set(self) -> list[str]:
+        """Keys besides the method that are not at their default."""
+        return [key for key, f in Master.model_fields.items() if key != "method" and getattr(self, key) != f.default]
+
+    @property
+    def couples_evenly(self) -> bool:
+        """Whether the members exchange at the communication points and nowhere else, with outputs of the same point."""
+        return self.method != "fused" and not set(self._set()) - {"extrapolation"}
 
 
 class Experiment(Table):
@@ -78,6 +93,8 @@ class Experiment(Table):
         for key in only[other]:
             if getattr(self, key):
                 raise ValueError(f"{key} is for a {other}, this experiment is on a {kind}")
+        if self.master and self.master.method == "fused" and self.runtime != "native":
+            raise ValueError(f"runtime = {self.runtime!r}: a fused system is compiled, no build of its FMUs is run")
         return self
 
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PureWindowsPath
+from typing import TYPE_CHECKING, Any
 
 from fmus.kit.errors import UserError, suggestion
 
 from .catalogue import shipped
 from .model import Experiment, Noise, parse
 from .stimulus import KINDS
+
+if TYPE_CHECKING:
+    import xarray
 
 _INNER = {"inputs": {key for kind in KINDS for key in kind.model_fields}, "noise": set(Noise.model_fields)}
 
@@ -24,7 +27,8 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     ----------
     name_or_path : str
         Name of one that ships, a ``.toml`` file, or a result (``.nc``, ``.parquet``) whose experiment is wanted again.
-        Inputs from files are then those that the result holds, so that the files need not be there any more.
+        Inputs from files are then those that the result holds, so that the files need not be there any more. Of an
+        incomplete result it is the part that was computed, unless there are settings.
     settings : sequence of str
         ``key=value`` over what the file says: a key of the file with dots between table and key
         (``inputs.current.amplitude=0.5A``), or a parameter (``R1=610mohm``).
@@ -39,7 +43,7 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     if not path.is_file():
         hint = suggestion(name_or_path, known) if not path.suffix else ""
         raise UserError(f"{name_or_path}: {'a folder' if path.is_dir() else 'no such file or experiment'}{hint}")
-    given = _from_toml(path) if path.suffix.lower() == ".toml" else _from_result(path)
+    given = _from_toml(path) if path.suffix.lower() == ".toml" else _from_result(path, not settings)
     for setting in settings:
         _set(given, setting)
     return parse(given, name_or_path, str(path.parent))
@@ -47,7 +51,7 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
 
 def _from_toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: not a text in UTF-8") from error
     except tomllib.TOMLDecodeError as error:
@@ -56,14 +60,51 @@ def _from_toml(path: Path) -> dict[str, Any]:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _from_result(path: Path) -> dict[str, Any]:
+def _from_result(path: Path, again: bool) -> dict[str, Any]:
     from orchestration import results
 
-    given: dict[str, Any] = json.loads(results.read(path).attrs["experiment"])
+    result = results.read(path)
+    given: dict[str, Any] = json.loads(result.attrs["experiment"])
+    part = again and not result.attrs["complete"]
+    if part and result.time.size < 2:
+        raise UserError(
+            f"{path}: incomplete, with its first point only; there is nothing to repeat (--set starts anew)"
+        )
+    if part:
+        given["duration"] = float(result.time[-1])
     for name, stimulus in given.get("inputs", {}).items():
-        if stimulus["kind"] == "file":
+        if stimulus["kind"] == "file" or part:  # a part of random levels or a chirp is not one of a shorter duration
             given["inputs"][name] = {"kind": "file", "file": str(path.absolute()), "column": name}
+    for table, key, _ in _files(given):
+        beside = path.parent / PureWindowsPath(table[key]).name  # whatever system it was written on
+        if not (path.parent / table[key]).is_file() and beside.is_file():
+            table[key] = str(beside.absolute())
     return given
+
+
+def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
+    """Where an experiment names files: table, key, what it is."""
+    places = [(given, kind, kind) for kind in ("component", "system")]
+    places += [(table, "file", f"record for {name}") for name, table in given.get("inputs", {}).items()]
+    return [place for place in places if Path(str(place[0].get(place[1]) or "")).suffix]
+
+
+def files(experiment: Experiment) -> dict[str, Path]:
+    """Files that an experiment reads, by what they are."""
+    return {what: Path(table[key]) for table, key, what in _files(experiment.model_dump())}
+
+
+def movable(result: xarray.Dataset, folder: Path) -> xarray.Dataset:
+    """Name the files of a result's experiment that lie in a folder as they are seen from there.
+
+    The result can then be moved together with them, and is the same wherever it was made.
+    """
+    given = json.loads(result.attrs["experiment"])
+    for table, key, _ in _files(given):
+        path = Path(table[key]).parent.resolve() / Path(table[key]).name
+        if path.is_relative_to(folder.resolve()):
+            table[key] = path.relative_to(folder.resolve()).as_posix()
+    return result.assign_attrs(experiment=json.dumps(given))
 
 
 def _set(given: dict[str, Any], setting: str) -> None:

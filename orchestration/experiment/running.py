@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 from fmus.kit.documentation import allowed, shown
 from fmus.kit.errors import UserError, suggestion
 from orchestration import results, simulate
+from orchestration.coupling import imbalance
 from orchestration.signals import Signal, check_type, read_setting
 
 from .model import Experiment, Master, Noise
@@ -35,6 +36,7 @@ def run(
     where: str = "experiment",
     progress: Callable[[int, int], None] = lambda done, whole: None,
     note: Callable[[str], None] = lambda text: None,
+    fits: Callable[[xarray.Dataset], None] = lambda sketch: None,
 ) -> xarray.Dataset:
     """Make an experiment.
 
@@ -47,11 +49,14 @@ def run(
         Told how many points are done, and of how many.
     note : callable
         Told, in a line, what else is worth knowing: repairs in a file, inputs that stay at their start value.
+    fits : callable
+        Shown, before anything is computed, a first point of the results without values; it may refuse them.
 
     Returns
     -------
     xarray.Dataset
         Inputs and recorded outputs over time in the FMU's units, with all that it takes to make the experiment again.
+        Of each mechanical coupling of a system the energy that it made, the running sign of coupling error.
         After an interrupt, what was computed, with the attribute ``complete`` 0.
 
     Raises
@@ -80,15 +85,27 @@ def run(
         signals = {name: on.inputs[name] for name in inputs} | {name: on.outputs[name] for name in record}
         if experiment.over != "time":
             known(experiment.over, signals, "over: nothing recorded", where)
-        done = on.run(time, inputs, settings, record, lambda points: progress(points, time.size))
+        doc = "Energy that the coupling made since the start, an error of co-simulation"
+        made = {str(c): Signal(f"imbalance {c}", "real", "J", "J", 0.0, -np.inf, np.inf, doc) for c in on.couplings}
+        signals |= {signal.name: signal for signal in made.values()}
+        fits(results.dataset(time[:1], {name: np.zeros(1) for name in signals}, signals, set(inputs), {}))
+        ends = [str(wire.source) for coupling in on.couplings for wire in coupling]
+        wanted = list(dict.fromkeys([*record, *ends]))
+        done = on.run(time, inputs, settings, wanted, lambda points: progress(points, time.size))
     for line in done.notes:
         note(line)
     count = done.time.size
     if count == 0:
         raise KeyboardInterrupt
     values = {name: array[:count] for name, array in inputs.items()}
-    for name, array in zip(record, done.signals.values(), strict=True):
-        values[name] = array + noise[name][:count] if name in noise else array
+    for name, array in zip(wanted, done.signals.values(), strict=True):
+        if name in record:
+            values[name] = array + noise[name][:count] if name in noise else array
+    extrapolation = experiment.master.extrapolation if experiment.master else 0
+    for name, found in imbalance(on.couplings, done.signals, extrapolation).items():
+        values[made[name].name] = found.energy
+        share = f"{100.0 * found.relative:.3g} % of what went through it"
+        note(f"{name}: {found.energy[-1]:.3g} J made by the coupling, {share}")
     return results.dataset(time[:count], values, signals, set(inputs), {
         "title": experiment.title or where, "source": experiment.source, "subject": on.name,
         "complete": int(done.complete), "duration": experiment.duration, "step": experiment.step,
@@ -116,8 +133,8 @@ def _unit(name: str, on: Subject) -> str:
 def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, float]:
     found = {}
     for name, given in experiment.parameters.items():
-        if name in on.inputs:
-            raise UserError(f"{where}: parameters.{name}: it is an input; give it as inputs.{name}")
+        if name in on.fed:
+            raise UserError(f"{where}: parameters.{name}: it is an input; {on.fed[name]}")
         if name not in on.parameters:
             near = suggestion(name, [*on.parameters, *Experiment.model_fields])
             raise UserError(f"{where}: {on.name} has no parameter named {name!r}{near}")

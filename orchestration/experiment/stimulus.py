@@ -20,6 +20,8 @@ from .values import Amount, File, Hertz, Quantity, Seconds, Span, Table
 
 Array = NDArray[np.float64]
 _ZERO = Quantity(0.0)
+_ROUNDING = 1e-9  # a period of two steps, as numbers with a unit give it, may miss them by that
+Seed = Annotated[int, Field(ge=0, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,21 @@ class Stimulus(Table):
         numbers = [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in (given if several else [given])]
         return numbers if several else numbers[0]
 
+    def _check_frequency(self, key: str, frequency: float, time: Array) -> None:
+        """Refuse a frequency that its values at the communication points would show as a lower one."""
+        step = time[1] - time[0]
+        if frequency * step > 0.5 * (1.0 + _ROUNDING):
+            limit = f"at most {0.5 / step:g} Hz, half the sampling rate at a step of {step:g} s"
+            raise UserError(f"{key} = {frequency:g} Hz: allowed is {limit}; above, it is sampled as a lower one")
+
+    def _check_span(self, key: str, span: float, steps: int, time: Array) -> None:
+        """Refuse a time between jumps in which there need not be a communication point."""
+        least = steps * (time[1] - time[0])
+        if span < least * (1.0 - _ROUNDING):
+            raise UserError(
+                f"{key} = {span:g} s: must be at least {least:g} s, {'one step' if steps == 1 else 'two steps'}"
+            )
+
 
 class Constant(Stimulus):
     """One value; written without a table, it is this too."""
@@ -103,6 +120,7 @@ class Square(_Wave):
     delay: Seconds = 0.0
 
     def _signal(self, time: Array, place: Place) -> Array:
+        self._check_frequency("frequency", self.frequency, time)
         amplitude, offset = self._about(place)
         return stimuli.square_wave(time - self.delay, amplitude, self.frequency, offset)
 
@@ -114,6 +132,7 @@ class Sine(_Wave):
     frequency: Hertz
 
     def _signal(self, time: Array, place: Place) -> Array:
+        self._check_frequency("frequency", self.frequency, time)
         amplitude, offset = self._about(place)
         return stimuli.sine(time, amplitude, self.frequency, offset)
 
@@ -126,6 +145,8 @@ class Chirp(_Wave):
     stop_frequency: Hertz
 
     def _signal(self, time: Array, place: Place) -> Array:
+        self._check_frequency("start_frequency", self.start_frequency, time)
+        self._check_frequency("stop_frequency", self.stop_frequency, time)
         amplitude, offset = self._about(place)
         return stimuli.chirp(time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset)
 
@@ -137,9 +158,11 @@ class Multisine(Stimulus):
     frequencies: list[Hertz]
     rms: Amount
     offset: Amount = _ZERO
-    seed: Annotated[int, Field(ge=0)] | None = None
+    seed: Seed | None = None
 
     def _signal(self, time: Array, place: Place) -> Array:
+        for k, frequency in enumerate(self.frequencies):
+            self._check_frequency(f"frequencies[{k}]", frequency, time)
         rms, offset = self._in(place.unit, "rms"), self._in(place.unit, "offset")
         return stimuli.multisine(time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset)
 
@@ -150,9 +173,10 @@ class Multilevel(Stimulus):
     kind: Literal["multilevel"]
     levels: list[Amount]
     dwell: Annotated[list[Span], Field(min_length=2, max_length=2)]
-    seed: Annotated[int, Field(ge=0)] | None = None
+    seed: Seed | None = None
 
     def _signal(self, time: Array, place: Place) -> Array:
+        self._check_span("dwell[0]", self.dwell[0], 1, time)
         seed = place.seed if self.seed is None else self.seed
         return stimuli.multilevel(time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed)
 
@@ -191,6 +215,7 @@ class Staircase(Stimulus):
     maximum: Amount
 
     def _signal(self, time: Array, place: Place) -> Array:
+        self._check_span("period", self.period, 2, time)
         levels = (self._in(place.unit, key) for key in ("bias", "increment", "maximum"))
         return stimuli.force_staircase(time, self.period, *levels)
 

@@ -7,20 +7,24 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError, suggestion
 from orchestration import master
+from orchestration.coupling import Mechanical, mechanical
 from orchestration.fmu_file import read_description
+from orchestration.fused import fuse
 from orchestration.models import find_model
 from orchestration.signals import Signal, read_signal
 from orchestration.system import check, shipped, ssp
 from orchestration.system.model import Member, Port, System
 from orchestration.system.names import ENDINGS
 
-from .model import Experiment
+from .model import Experiment, Master
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]
@@ -36,7 +40,10 @@ class Subject:
     ----------
     name : str
     inputs, parameters, outputs : Mapping of str to Signal
-        What can be driven, set and recorded; in a system the latter two are ``member.variable``.
+        What can be driven, set and recorded; in a system the latter two are ``member.variable``. Inputs of members
+        that nothing feeds can be set.
+    fed : Mapping of str to str
+        Inputs that cannot be set, and why.
     usual : list of str
         Outputs that are recorded unless the experiment names others.
     settings : Mapping of str to float
@@ -45,12 +52,15 @@ class Subject:
         Seconds, of its default experiment.
     guids : Mapping of str to str
         GUID of every FMU.
+    couplings : list of Mechanical
+        Those whose imbalance can be told.
     run : callable
         Takes communication points, inputs, parameters, names of outputs and progress.
     """
 
     name: str
     inputs: Mapping[str, Signal]
+    fed: Mapping[str, str]
     parameters: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
     usual: Sequence[str]
@@ -58,6 +68,7 @@ class Subject:
     duration: float
     step: float
     guids: Mapping[str, str]
+    couplings: Sequence[Mechanical]
     run: Runner
 
 
@@ -112,6 +123,10 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     }  # fmt: skip
     outputs = {name: read_signal(v) for name, v in variables.items() if v.causality not in _NO_READING}
     ports = {name: str(ports[0]).removeprefix(prefix) for name, ports in system.inputs.items()}
+    fed = {str(c.target): f"it receives {c.source}" for c in system.connections}
+    for name, targets in system.inputs.items():
+        fed |= dict.fromkeys([name, *map(str, targets)], f"give it as inputs.{name}")
+    how = experiment.master or Master()
 
     def run(
         time: Array, inputs: Mapping[str, Array], settings: Mapping[str, float], record: Sequence[str], tell: Progress
@@ -121,23 +136,45 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
             member, _, parameter = f"{prefix}{name}".partition(".")
             own[member][parameter] = value
         members = tuple(replace(member, parameters=own[member.name]) for member in system.members)
-        options = experiment.master.model_dump(exclude_none=True) if experiment.master else {}
-        names = [f"{prefix}{name}" for name in record]
-        return master.run(replace(system, members=members), time, inputs, record=names, progress=tell, **options)
+        names, ready = [f"{prefix}{name}" for name in record], replace(system, members=members)
+        if how.method == "fused":
+            return _fused(ready, time, inputs, names, tell)
+        return master.run(ready, time, inputs, record=names, progress=tell, **how.model_dump(exclude_none=True))
 
     wanted = [str(port) for port in system.outputs.values()]
     return Subject(
         name=system.name,
         inputs={name: read_signal(variables[port]) for name, port in ports.items()},
-        parameters={name: read_signal(v) for name, v in variables.items() if v.causality == "parameter"},
+        fed=fed,
+        parameters={
+            name: read_signal(v)
+            for name, v in variables.items()
+            if v.causality == "parameter" or (v.causality == "input" and f"{prefix}{name}" not in fed)
+        },
         outputs=outputs,
         usual=wanted or [name for name in outputs if variables[name].causality == "output"],
         settings={f"{m.name}.{n}".removeprefix(prefix): v for m in system.members for n, v in m.parameters.items()},
         duration=system.stop,
         step=system.step,
         guids={name: description.guid for name, description in described.items()},
+        couplings=mechanical(system) if how.couples_evenly else [],
         run=run,
     )
+
+
+def _fused(
+    system: System, time: Array, inputs: Mapping[str, Array], record: Sequence[str], tell: Progress
+) -> master.Run:
+    """Run a system as one compiled model; inputs are held as a master holds them, members exchange all the time."""
+    model = CompiledModel(fuse(system))
+    begin = perf_counter()
+    signals = model.run(time, inputs).signals
+    for name in record:
+        if name not in signals:
+            raise UserError(f"{name}: a fused system has states and outputs only{suggestion(name, signals)}")
+    tell(time.size)
+    spent = master.Statistics({}, time.size - 1, 0, 0, perf_counter() - begin)
+    return master.Run(time, {name: signals[name] for name in record}, {}, True, "", spent, {})
 
 
 def known(name: str, among: Mapping[str, Signal], what: str, where: str) -> Signal:
