@@ -74,6 +74,10 @@ class Fmu:
     description : fmpy.model_description.ModelDescription
     variables : dict
         Scalar variables by name.
+    warnings : int
+        How many calls ended with a warning.
+    corrupted : bool
+        Whether one ended as fatal: it must not be called again.
     """
 
     def __init__(
@@ -91,7 +95,8 @@ class Fmu:
         self._log = MessageLog()
         self._shared, self._folder = folder, folder
         self._slave: Any = None
-        self._corrupted = False
+        self.warnings = 0
+        self.corrupted = False
 
     @property
     def messages(self) -> list[str]:
@@ -201,9 +206,11 @@ class Fmu:
 
     def _checked(self, doing: str, call: Callable[..., Any], *arguments: Any) -> Any:
         try:
-            return call(*arguments)
+            result = call(*arguments)
+            self.warnings += result == fmi2.fmi2Warning
+            return result
         except Exception as error:
-            self._corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
+            self.corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
             reason = self._log.last(otherwise=first_line(error))
             raise UserError(f"{self.path.name}: {doing} failed: {reason}") from error
 
@@ -278,6 +285,7 @@ class Fmu:
         status = self._do_step(self._slave.component, time, size, 1)
         if status > fmi2.fmi2Warning:
             raise self.failed(f"step from {time:g} s", status)
+        self.warnings += status
 
     def save(self) -> Any:
         """Return a copy of the whole state, to `restore` any number of times and to `release` in the end.
@@ -324,6 +332,7 @@ class Fmu:
                 status = call(self._slave.component, references, len(values), values)
                 if status > fmi2.fmi2Warning:
                     raise self.failed(f"setting {', '.join(names)}", status)
+                self.warnings += status
 
         return write
 
@@ -346,6 +355,7 @@ class Fmu:
                 status = call(self._slave.component, references, len(values), values)
                 if status > fmi2.fmi2Warning:
                     raise self.failed(f"reading {', '.join(names)}", status)
+                self.warnings += status
                 row[where] = values[:]
 
         return read
@@ -369,13 +379,13 @@ class Fmu:
         -------
         UserError
         """
-        self._corrupted |= status == fmi2.fmi2Fatal
+        self.corrupted |= status == fmi2.fmi2Fatal
         returned = dict(enumerate(_STATUS)).get(status, f"status {status}")
         return UserError(f"{self.path.name}: {doing} failed ({returned}{remark}): {self._log.last('no message')}")
 
     def close(self) -> None:
         """Free the instance, unless it is corrupted, and remove the unzipped folder."""
-        if self._corrupted:
+        if self.corrupted:
             self._slave = None  # freeing it, or unloading its library, may crash the process
         if self._slave is not None:
             if getattr(self._slave, "component", None) is not None:

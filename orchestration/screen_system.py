@@ -48,8 +48,8 @@ def show(name_or_file: str) -> None:
     """Show members, connections, inputs and outputs."""
     with opened(name_or_file) as system:
         check(system)
-        out.print(f"[bold]{system.name}[/]  ", end="")
-        out.print(system.doc, markup=False)
+        out.print(system.name, style="bold", end="  ")
+        out.print(system.doc)
         models = {member.name: interface(member) for member in system.members}
         table = _table("member", "FMU", "values given to it")
         for member in system.members:
@@ -93,7 +93,7 @@ def draw(name_or_file: str, picture: Path | None) -> None:
     with opened(name_or_file) as system:
         check(system)
         work(system, path)
-    out.print(f"wrote {path}", markup=False)
+    out.print(f"wrote {path}")
 
 
 def export(name: str, path: Path | None, runtime: str, connectors: bool) -> None:
@@ -106,7 +106,7 @@ def export(name: str, path: Path | None, runtime: str, connectors: bool) -> None
         raise UserError(f"--out {target}: this is the system itself; it will not be overwritten")
     with opened(name, runtime) as system:
         ssp.write(system, target, connectors)
-    out.print(f"wrote {target}", markup=False)
+    out.print(f"wrote {target}")
 
 
 def _check_target(path: Path) -> None:
@@ -120,11 +120,11 @@ def check_file(path: Path) -> None:
         check(system)
         found = _warn(system)
         parts = f"{len(system.members)} members, {len(system.connections)} connections"
-        out.print(f"{path}: {parts}, no errors, {found} warnings", markup=False)
+        out.print(f"{path}: {parts}, no errors, {found} warnings")
 
 
 def _warn(system: System) -> int:
     found = warnings(system)
     for text in found:
-        err.print(f"warning: {text}", markup=False, soft_wrap=True)
+        err.print(f"warning: {text}", soft_wrap=True)
     return len(found)

@@ -245,6 +245,14 @@ def test_order_of_convergence(chain, method, extrapolation, order):
 
 
 @pytest.mark.parametrize("method", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize(("rates", "order"), [({"b": 4}, 2), ({"s": 1 / 2}, 1)])
+def test_order_where_a_member_has_a_rate_of_its_own(chain, method, rates, order):
+    """Outputs of a slow member are held in between, whatever is extrapolated."""
+    errors = [chain_error(chain, n, method=method, extrapolation=1, rates=rates) for n in (320, 640, 1280)]
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(order, abs=0.15)
+
+
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel"])
 def test_order_where_no_fmu_can_interpolate(tmp_path, method):
     """Values in the middle of the step; outputs that others wait for are read with those at its end."""
     system = two_masses(tmp_path, "python")
@@ -403,7 +411,10 @@ def test_a_tolerance_is_relative_to_nominal_values(members):
         ({}, {"rates": {"z": 2}}, "no member named 'z'"),
         ({}, {"method": "newton"}, "method 'newton'; there are: gauss-seidel, jacobi"),
         ({}, {"extrapolation": 2}, "extrapolation 2: 0 "),
-        ({}, {"tolerance": -1.0}, "tolerance -1: must be between 0 and 1"),
+        ({}, {"tolerance": -1.0}, "tolerance -1.0: must be a number between 0 and 1"),
+        ({}, {"tolerance": "1e-3"}, "tolerance '1e-3': must be a number between 0 and 1"),
+        ({}, {"rates": {"a": "2"}}, "rate '2' of a: steps per step of the system must be 1, 2, 3, "),
+        ({}, {"rates": {"a": None}}, "rate None of a: steps per step of the system must be 1, 2, 3, "),
         ({}, {"inputs": {"v": TIME}}, "no input named 'v'"),
         ({}, {"inputs": {"a.u": TIME}}, "input a.u: a.u is fed by b.x already"),
         ({}, {"inputs": {"u": TIME[1:]}}, r"input u: shape \(30,\) for 31 communication points"),

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
+from orchestration.fmu import Fmu
 from orchestration.master import Stopped, run
+from orchestration.master.adaptive import Adaptive
 
 from .master_samples import build_member, ring
 
@@ -52,13 +55,27 @@ def ones(points=TIME.size):
 def test_a_step_that_fails_stops_the_run(member, status, told, options):
     with pytest.raises(Stopped) as caught:
         run(chain(member, status=status, when=3.0), TIME, ones(), **options)
-    assert str(caught.value) == f"bad: member.fmu: step from 3 s to 3.1 s {told}"
+    end = "3.033333333" if "rates" in options else "3.1"
+    assert str(caught.value) == f"bad: member.fmu: step from 3 s to {end} s {told}"
     partial = caught.value.run
     assert not partial.complete
     assert partial.message == str(caught.value)
     assert partial.time.tolist() == TIME[:31].tolist()
     assert {values.shape for values in partial.signals.values()} == {(31,)}
     assert partial.signals["good.x"] == pytest.approx(-np.expm1(-TIME[:31]), abs=1e-13)
+
+
+def test_a_slow_member_fails_in_a_step_of_its_own(member):
+    with pytest.raises(Stopped) as caught:
+        run(chain(member, status=ERROR, when=2.8), TIME, ones(), rates={"bad": 0.25})
+    assert str(caught.value) == "bad: member.fmu: step from 2.8 s to 3.2 s failed (error): I have had enough"
+    assert caught.value.run.time[-1] == TIME[31]
+
+
+@pytest.mark.parametrize("options", [{}, {"rates": {"bad": 2}}, {"rates": {"bad": 0.5}}])
+def test_warnings_of_the_initialization_are_counted_too(member, options):
+    result = run(chain(member, init=WARNING), TIME, ones(), **options)
+    assert result.notes == ("bad: 1 calls ended with a warning (I do not want to begin)",)
 
 
 def test_warnings_are_counted_and_told(member):
@@ -85,6 +102,14 @@ def test_what_is_no_number_is_not_passed_on(member):
     with pytest.raises(Stopped, match=r"^bad: its output y is nan at 3 s$") as caught:
         run(system, TIME, ones())
     assert caught.value.run.time[-1] == TIME[29]
+
+
+@pytest.mark.parametrize("options", [{}, {"tolerance": 1e-3}])
+def test_what_is_only_recorded_may_be_no_number(member, options):
+    """y of bad is passed on to nobody; x is as without it."""
+    found, plain = (run(chain(member, nan=nan, when=3.0), TIME, ones(), **options).signals for nan in (1.0, 0.0))
+    assert np.isnan(found["bad.y"]).tolist() == (TIME > 3.0 - 1e-9).tolist()
+    assert found["bad.x"].tolist() == plain["bad.x"].tolist()
 
 
 def test_a_member_that_fails_in_initialization(member, scratch):
@@ -129,6 +154,86 @@ def test_ctrl_c_leaves_what_was_computed(member, how):
     assert 20 <= count <= 21
     assert result.signals["bad.x"].tolist() == expected.signals["bad.x"][:count].tolist()
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_is_heard_between_the_steps_that_a_tolerance_demands(member, monkeypatch):
+    """One step of the system in thousands of its own: it does not go on to the end."""
+    plain, times = Adaptive._step, []
+
+    def step(adaptive, start, end, k):
+        plain(adaptive, start, end, k)
+        times.append(end)
+        if len(times) == 30:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(Adaptive, "_step", step)
+    system = ring(member, {"a": {"start": 1.0}, "b": {}}, "a.x -> b.u; b.x -> -1 a.u")
+    result = run(system, TIME[[0, 50]], tolerance=1e-8)
+    assert len(times) <= 32
+    assert (result.time.tolist(), result.complete) == ([0.0], False)
+    assert result.message == "interrupted at 0 s of 5 s"
+    assert result.signals["a.x"].tolist() == [1.0]
+
+
+# --- saved states ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def saved(monkeypatch):
+    """Names of the members of which a state is saved, by what they were asked for; fatal ones abort if asked."""
+    there, plain = [], Fmu.bound
+
+    def bound(fmu, function, *arguments):
+        call = plain(fmu, function, *arguments)
+        if function not in ("fmi2GetFMUstate", "fmi2FreeFMUstate"):
+            return call
+        state = arguments[0]._obj
+
+        def counted():
+            before, status = bool(state), call()
+            if bool(state) != before:
+                (there.remove if before else there.append)(fmu.name)
+            return status
+
+        return counted
+
+    monkeypatch.setattr(Fmu, "bound", bound)
+    return there
+
+
+LOOP = "good.y -> bad.u; bad.y -> -1 good.u + 1"
+
+
+@pytest.mark.parametrize(("wires", "options"), [(LOOP, {}), ("good.x -> bad.u; bad.x -> good.u", {"tolerance": 1e-3})])
+@pytest.mark.parametrize(
+    ("bad", "left"),
+    [
+        ({}, []),
+        ({"status": ERROR, "when": 3.0}, []),
+        ({"status": FATAL, "when": 3.0}, ["bad"]),
+        ({"init": ERROR}, []),
+        ({"lag": 0.1}, []),
+        ("key", []),
+        ("exception", []),
+    ],
+    ids=["end", "error", "fatal", "init", "not there", "key", "exception"],
+)
+def test_saved_states_are_released(member, saved, wires, options, bad, left):
+    seen = []
+
+    def progress(done):
+        seen.extend(saved)
+        if done == 20 and bad == "key":
+            os.kill(os.getpid(), signal.SIGINT)
+        if done == 20 and bad == "exception":
+            raise KeyboardInterrupt
+
+    of_bad = {"d": 0.5} | (bad if isinstance(bad, dict) else {})
+    system = ring(member, {"good": {"d": 0.5}, "bad": of_bad}, wires)
+    with suppress(UserError):
+        run(system, TIME, progress=progress, **options)
+    assert ({"good", "bad"} <= set(seen)) == ("init" not in of_bad)
+    assert saved == left
 
 
 def test_ctrl_c_at_the_very_end_leaves_nothing_unchecked(member):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 
 import pytest
@@ -53,6 +54,16 @@ def test_show_tells_a_factor(folder):
         '<ssc:LinearTransformation factor="2" offset="-0.5"/></ssd:Connection>',
     ))  # fmt: skip
     assert "bench.position × 2 -0.5" in done(folder, "show", other.name)
+
+
+@pytest.mark.parametrize("name", ["[/bold]", "[red]x", ":warning:"])
+def test_show_names_that_look_like_markup(folder, name):
+    """Of the system, of a member, and of an input: each as it is."""
+    named = r'(name|startElement|endElement|startConnector)="(dma_bench|bench|force_reference)"'
+    other = repacked(folder / "bench.ssp", lambda text: re.sub(named, rf'\1="{name}"', text))
+    text = done(folder, "show", other.name)
+    for part in (f"{name}  Voice coil", f"{name}.position", f"input {name}"):
+        assert part in text
 
 
 @pytest.mark.parametrize("name", ["hil_bench", "bench.ssp"])

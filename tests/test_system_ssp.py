@@ -347,7 +347,7 @@ WIRE = '<ssd:Connection startElement="drive" startConnector="force" endElement="
         ("resources/drive.fmu", "SystemStructure.ssd", ["SystemStructure.ssd", "not a zip archive"]),
         ("application/x-fmu-sharedlibrary", "application/x-ssp-package", ["of type application/x-ssp-package"]),
         ('implementation="CoSimulation"', 'implementation="ModelExchange"', ["model exchange"]),
-        ("ssd:Elements", "ssd:Parts", ["drive.force -> load.force: there is no member named 'drive'"]),
+        ("ssd:Elements", "ssd:Parts", ["Parts, in System sample, is not known to this program"]),
         ('version="1.0" name="sample"', 'version="2.0" name="sample"', ["SSP version 2.0", "knows SSP 1.0"]),
         ('baseStepSize="0.30000000000000004"', 'baseStepSize="fast"', ["baseStepSize 'fast'", "not a finite number"]),
         ('stopTime="0.001"', 'stopTime="-1"', ["stop time -1 s"]),
@@ -356,7 +356,7 @@ WIRE = '<ssd:Connection startElement="drive" startConnector="force" endElement="
         (WAY, WAY.replace('startConnector="way"', ""), ["a Connection has no attribute 'startConnector'"]),
         ('suppressUnitConversion="true"', "", ["drive.way -> second load.length", "'m' to 'mm'", "suppressUnit"]),
         ('factor="1000.0"', 'factor="x"', ["factor 'x' of a LinearTransformation"]),
-        ("ssc:LinearTransformation", "ssc:IntegerMappingTransformation", ["IntegerMappingTransformation is not known"]),
+        ("ssc:LinearTransformation", "ssc:IntegerMappingTransformation", ["MappingTransformation, in Connection"]),
         (WIRE, "", ["load.force is not connected"]),
         (WIRE, WIRE + WIRE, ["load.force has two sources, drive.force and drive.force"]),
         ('startConnector="room"', 'startConnector="roof"', ["roof -> load.warm", "leads from no input of the system"]),
@@ -377,6 +377,107 @@ WIRE = '<ssd:Connection startElement="drive" startConnector="force" endElement="
 def test_descriptions_that_cannot_be_followed(system, tmp_path, old, new, parts):
     ssp.write(system, tmp_path / "with.ssp", connectors=True)
     refused_one(repacked(tmp_path / "with.ssp", lambda text: text.replace(old, new)), tmp_path / "u", *parts)
+
+
+def declared(owner, connector, **changes):
+    """The description with another declaration of a connector: of a member, or of the system."""
+
+    def change(description):
+        root = ElementTree.fromstring(description)
+        parts = [
+            node for node in root.iter() if node.tag.endswith(("}Component", "}System")) and node.get("name") == owner
+        ]
+        (found,) = parts[0].findall(f"{{*}}Connectors/{{*}}Connector[@name='{connector}']")
+        for key in {"name", "kind"} & set(changes):
+            found.set(key, changes[key])
+        if "type" in changes:
+            found[0].tag = found[0].tag.replace("Real", changes["type"])
+        if "unit" in changes:
+            found[0].set("unit", changes["unit"])
+        return ElementTree.tostring(root, encoding="unicode")
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "changes", "parts"),
+    [
+        (
+            "load",
+            "force",
+            {"unit": "mm"},
+            ["member load: connector 'force'", "declared in 'mm'", "in the FMU it is in 'N'"],
+        ),
+        ("load", "force", {"unit": "kN"}, ["member load: connector 'force'", "'kN'", "'N'"]),
+        ("drive", "way", {"unit": "mm"}, ["member drive: connector 'way'", "declared in 'mm'", "in 'm'"]),
+        ("drive", "count", {"unit": "furlongs"}, ["member drive: connector 'count'", "'furlongs'", "'1'"]),
+        ("load", "force", {"type": "Integer"}, ["connector 'force'", "declared as Integer", "in the FMU it is Real"]),
+        ("load", "force", {"type": "String"}, ["connector 'force'", "declared as String", "in the FMU it is Real"]),
+        ("load", "force", {"kind": "output"}, ["connector 'force'", "declared as output", "in the FMU it is input"]),
+        ("load", "force", {"kind": "inout"}, ["connector 'force'", "declared as inout", "in the FMU it is input"]),
+        ("load", "force", {"name": "froce"}, ["member load: connector 'froce'", "no variable of this name", "force"]),
+        ("sample", "pull", {"unit": "mm"}, ["'pull' of the system, that is load.tension,", "'mm'", "'N'"]),
+        ("sample", "room", {"type": "Boolean"}, ["'room' of the system, that is load.warm,", "Boolean", "Real"]),
+        ("sample", "nothing", {"kind": "inout"}, ["connector 'nothing' of the system is inout", "input, output"]),
+    ],
+)
+def test_connectors_that_are_not_those_of_the_fmus(system, tmp_path, owner, name, changes, parts):
+    ssp.write(system, tmp_path / "with.ssp", connectors=True)
+    refused(repacked(tmp_path / "with.ssp", declared(owner, name, **changes)), tmp_path / "u", *parts)
+
+
+def test_connectors_of_the_system_in_the_annotation_are_held_against_the_fmus_too(archive, tmp_path):
+    pull = '<ssd:Connector name="pull" kind="output">'
+    other = repacked(archive, lambda text: text.replace(pull, f"{pull}<ssc:Integer/>"))
+    refused(other, tmp_path / "u", "connector 'pull' of the system, that is load.tension,", "Integer")
+
+
+def test_a_connector_may_name_the_unit_of_the_fmu_otherwise_or_leave_it_out(system, archive, tmp_path):
+    other = repacked(archive, declared("load", "force", unit="kg*m/s**2"), name="a.ssp")
+    assert contents(ssp.read(other, tmp_path / "u")) == contents(system)
+    bare = repacked(archive, lambda text: re.sub(r'<ssc:\w+( unit="[^"]*")? />', "", text), name="b.ssp")
+    assert contents(ssp.read(bare, tmp_path / "v")) == contents(system)
+
+
+@pytest.mark.parametrize(
+    ("before", "element", "part"),
+    [
+        ("<ssd:Elements>", "<ssd:Foo/>", "Foo, in System sample,"),
+        ("<ssd:Elements>", "<Foo/>", "Foo, in System sample,"),
+        ("<ssd:Connections>", "<ssd:SignalDictionaries/>", "SignalDictionaries, in System sample,"),
+        ("<ssd:DefaultExperiment", "<ssd:Foo/>", "Foo, in SystemStructureDescription sample,"),
+        ("<ssd:Connection ", '<ssd:Connection2 name="x"/>', "Connection2 x, in Connections,"),
+        ("<ssd:Component ", '<ssd:Foo name="x"/>', "Foo x, in Elements,"),
+        ("<ssc:LinearTransformation", "<ssd:Delay/>", "Delay, in Connection drive way second load length,"),
+    ],
+)  # fmt: skip
+def test_elements_that_are_not_understood(system, tmp_path, before, element, part):
+    ssp.write(system, tmp_path / "with.ssp", connectors=True)
+    other = repacked(tmp_path / "with.ssp", lambda text: text.replace(before, element + before, 1))
+    refused(other, tmp_path / "u", part, "this program")
+
+
+def test_elements_of_a_parameter_set_that_are_not_understood(archive, tmp_path):
+    values = INLINE.format('<ssv:Parameter name="gain"><ssv:Real value="1"/></ssv:Parameter>')
+    other = repacked(archive, bound(values.replace("</ssv:Parameters>", "<ssv:Alias/></ssv:Parameters>")))
+    refused(other, tmp_path / "u", "Alias, in Parameters, is not known to this program")
+
+
+def test_how_things_look_and_what_others_noted_are_passed_over(system, archive, tmp_path):
+    note = '<ssd:Annotations><ssc:Annotation type="any"><ssd:Foo/><Foo/></ssc:Annotation></ssd:Annotations>'
+
+    def change(text):
+        text = text.replace("</ssd:Connector>", f'<ssd:ConnectorGeometry x="0" y="0"/>{note}</ssd:Connector>')
+        text = text.replace("</ssd:Component>", f'<ssd:ElementGeometry x1="0"/>{note}</ssd:Component>')
+        text = text.replace("</ssd:Elements>", f"</ssd:Elements>{note}<ssd:SystemGeometry/><ssd:GraphicalElements/>")
+        return text.replace("<ssd:DefaultExperiment", "<ssd:Enumerations/><ssd:DefaultExperiment")
+
+    assert contents(ssp.read(repacked(archive, change), tmp_path / "u")) == contents(system)
+
+
+def test_a_second_system(archive, tmp_path):
+    other = repacked(archive, lambda text: text.replace("</ssd:System>", '</ssd:System><ssd:System name="b"/>'))
+    refused(other, tmp_path / "u", "more than one System in SystemStructure.ssd")
 
 
 def refused_one(path, folder, *parts):

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.master.interrupt import Interrupt
 from orchestration.master.machine import Machine
 from orchestration.master.members import Memory
 
+Array = NDArray[np.float64]
 _SHORTEST = 1e-12  # of the time, or of a second
 
 
@@ -22,6 +25,7 @@ class Bookmark:
         self._pasts = [move.past for move in machine.everyone.moves]
         self._slopes: list[list[float]] = []
         self._memory = Memory(machine.members, machine.clock)
+        machine.memories.append(self._memory)
 
     def save(self) -> None:
         """Keep everything as it is now; UserError if a member refuses."""
@@ -37,10 +41,6 @@ class Bookmark:
             values[:] = kept
         for past, slopes in zip(self._pasts, self._slopes, strict=True):
             past.slopes[:] = slopes
-
-    def free(self) -> None:
-        """Release the memory; UserError if a member refuses."""
-        self._memory.free()
 
 
 class Adaptive:
@@ -71,8 +71,8 @@ class Adaptive:
         self._hint = math.inf
         self.steps = self.rollbacks = 0
 
-    def advance(self, start: float, end: float, k: int) -> None:
-        """Step from point `k` to the next.
+    def advance(self, start: float, end: float, k: int, interrupt: Interrupt) -> bool:
+        """Step from point `k` to the next; false if Ctrl-C was pressed before it was reached.
 
         Raises
         ------
@@ -81,6 +81,8 @@ class Adaptive:
         """
         time = start
         while time < end:
+            if interrupt.pressed:
+                return False
             size = min(self._hint, end - time)
             whole = size > 0.999 * (end - time)
             target = end if whole else time + size
@@ -92,7 +94,7 @@ class Adaptive:
             self._step(time, middle, k)
             self._step(middle, target, k)
             twice = self._machine.board.values[self._places]
-            errors = np.abs(twice - once) / (self._tolerance * (self._nominal + np.abs(twice)))
+            errors = self._errors(once, twice)
             error = float(np.max(errors, initial=0.0))
             factor = 5.0 if error == 0.0 else min(5.0, max(0.2, 0.9 * error ** (-1.0 / (self._order + 1))))
             if error <= 1.0:
@@ -110,10 +112,15 @@ class Adaptive:
                     f"{port} at {time:.10g} s: the coupling error stays above the tolerance {self._tolerance:g}, "
                     "however short the step"
                 )
+        return True
 
-    def free(self) -> None:
-        """Release what is kept for going back; UserError if a member refuses."""
-        self._bookmark.free()
+    def _errors(self, once: Array, twice: Array) -> Array:
+        """Difference of two results over what is tolerated; where both are no number there is none."""
+        with np.errstate(invalid="ignore"):
+            errors = np.abs(twice - once) / (self._tolerance * (self._nominal + np.abs(twice)))
+        errors[np.isnan(errors)] = math.inf
+        errors[(once == twice) | (np.isnan(once) & np.isnan(twice))] = 0.0
+        return errors
 
     def _step(self, start: float, end: float, k: int) -> None:
         machine = self._machine

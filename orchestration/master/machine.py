@@ -44,7 +44,9 @@ class Machine:
     seconds : list of float
         Time spent in the steps of each member.
     loops : list of tuple
-        Each algebraic loop, what solves it, and the states of its members.
+        Each algebraic loop, and what solves it.
+    memories : list of Memory
+        Saved states: of loops, and of steps that can be taken back.
     """
 
     def __init__(
@@ -64,7 +66,8 @@ class Machine:
             c.target: Wire(self.feed.at[c.target], self.board.at[c.source], c.factor, c.offset) for c in connections
         }
         self.slow = {name: 1 / rate for name, rate in settings.rates.items() if rate < 1}
-        self.loops: list[tuple[Loop, FixedPoint, Memory]] = []
+        self.loops: list[tuple[Loop, FixedPoint]] = []
+        self.memories: list[Memory] = []
         self.seconds = [0.0] * len(members)
         self._pasts: dict[str, Past] = {}
         self._programs: dict[frozenset[str], Program] = {}
@@ -219,7 +222,8 @@ class Machine:
             return 0
 
         program.stations.append(Station([], [], [], [Action(solve, members[0], "solving")]))
-        self.loops.append((loop, fixed_point, memory))
+        self.loops.append((loop, fixed_point))
+        self.memories.append(memory)
 
     # --- at work ----------------------------------------------------------------------------------------------------
 

@@ -38,16 +38,10 @@ class Instance:
     name : str
         Of the member.
     fmu : Fmu
-
-    Attributes
-    ----------
-    warnings : int
-        How many calls ended with a warning.
     """
 
     def __init__(self, name: str, fmu: Fmu):
         self.name, self.fmu = name, fmu
-        self.warnings = 0
         can = fmu.description.coSimulation
         self.can_restore = bool(can.canGetAndSetFMUstate)
         self.can_interpolate = bool(can.canInterpolateInputs)
@@ -103,7 +97,7 @@ class Instance:
             Component, time, what it was asked to do, what it answered and its own message.
         """
         if status == fmi2Warning:
-            self.warnings += 1
+            self.fmu.warnings += 1
             return
         stepping = doing == STEP
         doing = (
@@ -138,12 +132,14 @@ class Memory:
     def __init__(self, members: Sequence[Instance], clock: Clock):
         self._clock = clock
         self._calls: list[tuple[Instance, Call, Call, Call]] = []
+        self._states: list[ctypes.c_void_p] = []
         for member in members:
             state = ctypes.c_void_p()
             there = ctypes.byref(state)
             bound = member.fmu.bound
             calls = bound("fmi2GetFMUstate", there), bound("fmi2SetFMUstate", state), bound("fmi2FreeFMUstate", there)
             self._calls.append((member, *calls))
+            self._states.append(state)
 
     def save(self) -> None:
         """Keep the states as they are now; UserError if a member refuses."""
@@ -162,6 +158,12 @@ class Memory:
         for member, _, _, free in self._calls:
             if status := free():
                 member.judge(status, "releasing a state", self._clock)
+
+    def release(self) -> None:
+        """Release what there still is of it, of members that may be called, whatever they answer."""
+        for (member, _, _, free), state in zip(self._calls, self._states, strict=True):
+            if state and not member.fmu.corrupted:
+                free()
 
 
 def listed(ports: Sequence[Port]) -> str:

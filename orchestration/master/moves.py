@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from orchestration.master.boards import Board, bind
-from orchestration.master.members import Clock, Instance
+from orchestration.master.members import STEP, Clock, Instance
 from orchestration.system.model import Port
 
 _ORDER = 1  # of the input derivatives
@@ -72,8 +72,8 @@ class Move:
     past: Past
 
     def __post_init__(self) -> None:
-        self._now, self._size = ctypes.c_double(), ctypes.c_double()
-        self._step = self.member.stepper(self._now, self._size, self.may_go_back)
+        self._own = Clock()
+        self._step = self.member.stepper(self._own.now, self._own.size, self.may_go_back)
         self._places = [self.feed.at[port] for port in self.linear]
         index = {place: k for k, place in enumerate(self._places)}
         self._arrived = [(index[wire.target], wire) for wire in self.fresh]
@@ -92,39 +92,41 @@ class Move:
         self._span = 1.0
 
     def __call__(self) -> int:
-        """Make the step; the worst FMI status there was."""
+        """Make the step; what goes wrong is told with the member's own step, not the system's."""
         clock, feed, board = self.clock, self.feed.cells, self.board.cells
         start = self.past.time if self.lasting else clock.start
         self.past.time = end = clock.end
         span = end - start
-        worst = 0
         held, slopes = [feed[place] for place in self._places], self.past.slopes.copy()
         for k, (_, source, factor, offset) in self._arrived:
             slopes[k] = (factor * board[source] + offset - held[k]) / span
         self._held, self._span = held, span
         begin = start
         for part in range(1, self.parts + 1):
-            if worst > 1:
-                return worst
             until = end if part == self.parts else start + span * part / self.parts
+            self._own.set(begin, until)
             if self._places:
                 at = begin - start if self._interpolates else 0.5 * (begin + until) - start
-                worst = max(worst, self._give(held, slopes, at))
+                self._give(held, slopes, at)
             if self._interpolates:
                 self._derivatives[:] = slopes  # type: ignore[assignment]
-                worst = max(worst, self._set_slopes())
-            self._now.value, self._size.value = begin, until - begin
-            worst = max(worst, self._step())
+                self._judge(self._set_slopes())
+            self._judge(self._step())
             begin = until
         if self.settle and self._places:
-            worst = max(worst, self._give(held, slopes, span))
-        return worst
+            self._give(held, slopes, span)
+        return 0
 
-    def _give(self, held: list[float], slopes: list[float], after: float) -> int:
+    def _give(self, held: list[float], slopes: list[float], after: float) -> None:
         feed = self.feed.cells
         for place, value, slope in zip(self._places, held, slopes, strict=True):
             feed[place] = value + slope * after
-        return max(call() for call in self._set_linear)
+        for call in self._set_linear:
+            self._judge(call())
+
+    def _judge(self, status: int) -> None:
+        if status:
+            self.member.judge(status, STEP, self._own)
 
     def learn(self) -> None:
         """Take the slopes over the step just made, for the next one."""

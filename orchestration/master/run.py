@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from io import BytesIO
+from numbers import Real
 from time import perf_counter
 
 import numpy as np
@@ -17,7 +18,7 @@ from orchestration.master.graph import describe
 from orchestration.master.initialization import enter, initialize
 from orchestration.master.interrupt import Interrupt, deferred
 from orchestration.master.machine import Machine
-from orchestration.master.members import Clock
+from orchestration.master.members import Clock, Memory
 from orchestration.master.opening import check_abilities, columns, open_members, structure
 from orchestration.master.program import Settings
 from orchestration.master.result import Run, Spent, Statistics, Stopped
@@ -89,8 +90,8 @@ def run(
         raise UserError(f"method {method!r}; there are: {', '.join(METHODS)}")
     if extrapolation not in (0, 1):
         raise UserError(f"extrapolation {extrapolation!r}: 0 (inputs are held) or 1 (they change linearly)")
-    if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise UserError(f"tolerance {tolerance:g}: must be between 0 and 1")
+    if tolerance is not None and not (isinstance(tolerance, Real) and 0.0 < tolerance < 1.0):
+        raise UserError(f"tolerance {tolerance!r}: must be a number between 0 and 1")
     fractions = {name: _rate(system.member(name).name, value) for name, value in (rates or {}).items()}
     settings = Settings(method == "gauss-seidel", extrapolation, feedthrough, tolerance is not None, fractions)
     fed = columns(system, inputs or {}, len(points))
@@ -102,6 +103,7 @@ def run(
         clock.set(points[0], points[0])
         enter(members, points[0], points[-1])
         machine = Machine(members, who_feeds_whom, system.connections, fed, settings, clock)
+        opened.callback(_release, machine.memories)
         notes = initialize(machine)
         return _Runner(machine, points, recorded, tolerance, progress, notes).run()
 
@@ -158,7 +160,8 @@ class _Runner:
             if machine.slow:
                 program = machine.program(machine.due(k, last))
             if self._adaptive is not None:
-                self._adaptive.advance(points[k - 1], points[k], k - 1)
+                if not self._adaptive.advance(points[k - 1], points[k], k - 1, interrupt):
+                    break
             else:
                 step(program, points[k - 1], points[k])
                 if linear:  # slopes are of what came before a jump of the values from outside
@@ -186,9 +189,7 @@ class _Runner:
             reached = member.last_time()
             if reached is not None and not abs(reached - last) <= 1e-9 * max(1.0, abs(last)):
                 raise UserError(f"{member.name}: says that it is at {reached:.10g} s at the end, {last:.10g} s")
-        if self._adaptive is not None:
-            self._adaptive.free()
-        for _, _, memory in self._machine.loops:
+        for memory in self._machine.memories:
             memory.free()
         for member in self._machine.members:
             member.terminate(self._machine.clock)
@@ -217,13 +218,13 @@ class _Runner:
         }
         steps = max(0, self._done - 1) if adaptive is None else adaptive.steps
         rollbacks = 0 if adaptive is None else adaptive.rollbacks
-        evaluations = sum(fixed_point.evaluations for _, fixed_point, _ in machine.loops)
+        evaluations = sum(fixed_point.evaluations for _, fixed_point in machine.loops)
         return Statistics(spent, steps, rollbacks, evaluations, self._wall)
 
     def _notes(self) -> Iterator[str]:
         yield from self._of_initialization
         spent: dict[str, int] = {}
-        for loop, fixed_point, _ in self._machine.loops:  # the same one again where members have rates of their own
+        for loop, fixed_point in self._machine.loops:  # the same one again where members have rates of their own
             spent[describe(loop)] = spent.get(describe(loop), 0) + fixed_point.evaluations
         for name, evaluations in spent.items():
             yield f"{name}: solved with {evaluations} evaluations"
@@ -233,9 +234,15 @@ class _Runner:
                 "inputs it depends, and cannot restore its state"
             )
         for member in self._machine.members:
-            if member.warnings:
+            if member.fmu.warnings:
                 said = "; ".join(member.fmu.messages[-3:]) or "no message"
-                yield f"{member.name}: {member.warnings} calls ended with a warning ({said})"
+                yield f"{member.name}: {member.fmu.warnings} calls ended with a warning ({said})"
+
+
+def _release(memories: Sequence[Memory]) -> None:
+    """Release states that are still saved, after a run that did not come to its end."""
+    for memory in memories:
+        memory.release()
 
 
 def _points(time: Array) -> list[float]:
@@ -247,7 +254,8 @@ def _points(time: Array) -> list[float]:
 
 
 def _rate(name: str, value: float) -> Fraction:
-    rate = Fraction(value).limit_denominator(10**6) if np.isfinite(value) else Fraction(0)
+    usable = isinstance(value, Real) and np.isfinite(value)
+    rate = Fraction(value).limit_denominator(10**6) if usable else Fraction(0)
     if rate <= 0 or 1 not in (rate.numerator, rate.denominator):
-        raise UserError(f"rate {value:g} of {name}: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3, ...")
+        raise UserError(f"rate {value!r} of {name}: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3, ...")
     return rate

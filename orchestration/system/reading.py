@@ -13,6 +13,8 @@ from fmus.kit import units
 from fmus.kit.errors import UserError
 
 from .check import conversion, interface, variable
+from .connectors import check_connectors, check_declared, variables_of
+from .grammar import check_elements, local
 from .model import Connection, Member, Port, System
 from .names import CONNECTORS, FMU, NAMESPACES, OUTSIDE, STEP, tag
 from .package import Package
@@ -39,19 +41,22 @@ def read(path: Path, folder: Path) -> System:
     Raises
     ------
     UserError
-        If it cannot be read, is not safe to unpack, or holds what this program cannot do: nested systems, models other
-        than FMUs, parameter mappings, transformations that are not linear.
+        If it cannot be read, is not safe to unpack, declares connectors that the FMUs do not have, or holds what this
+        program cannot do: nested systems, models other than FMUs, signal dictionaries, parameter mappings,
+        transformations that are not linear.
     """
     with Package(path) as package:
         root = _parse(package, package.description)
         if root.tag != tag("ssd:SystemStructureDescription"):
-            raise UserError(f"{path}: {package.description} is a {_local(root)}, not a SystemStructureDescription")
+            raise UserError(f"{path}: {package.description} is a {local(root)}, not a SystemStructureDescription")
         if not (version := root.get("version", "")).startswith("1."):
             raise UserError(f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0")
-        top = root.find("ssd:System", NAMESPACES)
-        if top is None:
-            raise UserError(f"{path}: no System in {package.description}")
-        return _Reader(package, folder).system(root, top)
+        tops = root.findall("ssd:System", NAMESPACES)
+        if len(tops) != 1:
+            raise UserError(f"{path}: {'more than one' if tops else 'no'} System in {package.description}")
+        reader = _Reader(package, folder)
+        reader.check_elements(root)
+        return reader.system(root, tops[0])
 
 
 def _parse(package: Package, name: str) -> Element:
@@ -62,10 +67,6 @@ def _parse(package: Package, name: str) -> Element:
         return ElementTree.fromstring(contents)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise UserError(f"{package.path}: {name} is not well-formed XML ({error})") from error
-
-
-def _local(element: Element) -> str:
-    return element.tag.rpartition("}")[2]
 
 
 class _Reader:
@@ -80,7 +81,7 @@ class _Reader:
 
     def _get(self, element: Element, attribute: str) -> str:
         if (value := element.get(attribute)) is None:
-            raise self._wrong(f"a {_local(element)} has no attribute {attribute!r}")
+            raise self._wrong(f"a {local(element)} has no attribute {attribute!r}")
         return value
 
     def _number(self, element: Element, attribute: str, default: str) -> float:
@@ -90,8 +91,15 @@ class _Reader:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise self._wrong(f"{attribute} {text!r} of a {_local(element)} is not a finite number")
+            raise self._wrong(f"{attribute} {text!r} of a {local(element)} is not a finite number")
         return value
+
+    def check_elements(self, element: Element) -> None:
+        """Refuse what is not understood; see `grammar`."""
+        try:
+            check_elements(element)
+        except UserError as error:
+            raise self._wrong(str(error)) from error
 
     def system(self, root: Element, top: Element) -> System:
         found = [self._member(element) for element in top.findall("ssd:Elements/*", NAMESPACES)]
@@ -106,15 +114,25 @@ class _Reader:
             given = {parameter: self._value(member, parameter, value)}
             members[owner] = replace(member, parameters={**member.parameters, **given})
         annotations = top.findall("ssd:Annotations/ssc:Annotation", NAMESPACES)
-        own = [top, *(part for a in annotations if a.get("type") == CONNECTORS for part in a.findall(OUTSIDE))]
+        outside = [part for a in annotations if a.get("type") == CONNECTORS for part in a.findall(OUTSIDE)]
+        for part in outside:
+            self.check_elements(part)
+        own = [top, *outside]
         connectors = [node for part in own for node in part.findall("ssd:Connectors/ssd:Connector", NAMESPACES)]
         wires = [node for part in own for node in part.findall("ssd:Connections/ssd:Connection", NAMESPACES)]
+        for connector in connectors:
+            if (kind := self._get(connector, "kind")) not in ("input", "output"):
+                raise self._wrong(f"connector {connector.get('name')!r} of the system is {kind}; known: input, output")
         inputs: dict[str, list[Port]] = {self._get(c, "name"): [] for c in connectors if c.get("kind") == "input"}
         outputs: dict[str, Port] = {}
         names = {self._get(c, "name") for c in connectors if c.get("kind") == "output"}
         connections = [c for wire in wires if (c := self._connection(wire, members, inputs, names, outputs))]
         if lonely := names - set(outputs):
             raise self._wrong(f"system output {min(lonely)} is connected with nothing")
+        for connector in connectors:
+            name = self._get(connector, "name")
+            for port in inputs[name] if connector.get("kind") == "input" else (outputs[name],):
+                self._check_outer(connector, members[port.member], port)
         experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
         return System(
             self._get(top, "name"),
@@ -125,6 +143,15 @@ class _Reader:
             top.get("description", ""),
             **({} if experiment is None else self._experiment(experiment)),
         )
+
+    def _check_outer(self, connector: Element, member: Member, port: Port) -> None:
+        """Hold what a connector of the system says of itself against what it is connected with, if that is there."""
+        if (found := variables_of(member).get(port.variable)) is None:
+            return
+        try:
+            check_declared(connector, found, f"connector {connector.get('name')!r} of the system, that is {port},")
+        except UserError as error:
+            raise self._wrong(str(error)) from error
 
     def _experiment(self, experiment: Element) -> dict[str, float]:
         found = {}
@@ -143,13 +170,14 @@ class _Reader:
         if element.tag == tag("ssd:System"):
             raise self._wrong(f"{name} is a system within the system; this program runs one level of members")
         if element.tag != tag("ssd:Component"):
-            raise self._wrong(f"{name} is a {_local(element)}; this program runs components that are FMUs")
+            raise self._wrong(f"{name} is a {local(element)}; this program runs components that are FMUs")
         if (kind := element.get("type", FMU)) != FMU:
             raise self._wrong(f"member {name} is of type {kind}; this program runs FMUs")
         if element.get("implementation", "any") == "ModelExchange":
             raise self._wrong(f"member {name} is to be run by model exchange; this program runs co-simulation")
         try:
             member = Member(name, self._package.fmu(self._get(element, "source"), self._folder))
+            check_connectors(element, member)
         except UserError as error:
             text = str(error).removeprefix(f"{self._package.path}: ")
             raise self._wrong(f"member {name}: {text}") from error
@@ -166,13 +194,14 @@ class _Reader:
             sets = binding.findall("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
             if (source := binding.get("source")) is not None:
                 sets.append(_parse(self._package, source))
+                self.check_elements(sets[-1])
                 if sets[-1].tag != tag("ssv:ParameterSet"):
-                    raise self._wrong(f"{where}: {source} is a {_local(sets[-1])}, not a ParameterSet")
+                    raise self._wrong(f"{where}: {source} is a {local(sets[-1])}, not a ParameterSet")
             for parameters in sets:
                 for parameter in parameters.findall("ssv:Parameters/ssv:Parameter", NAMESPACES):
                     name = binding.get("prefix", "") + self._get(parameter, "name")
                     if len(parameter) == 0 or parameter[0].tag not in _TYPES:
-                        kind = _local(parameter[0]) if len(parameter) else "nothing"
+                        kind = local(parameter[0]) if len(parameter) else "nothing"
                         raise self._wrong(f"{where}: parameter {name} is {kind}; known are Real, Integer and Boolean")
                     yield name, parameter[0]
 
@@ -214,7 +243,7 @@ class _Reader:
         for element in (start, end):
             if element is not None and element not in members:
                 raise self._wrong(f"connection {where}: there is no member named {element!r}")
-        factor, offset = self._transformation(wire, where)
+        factor, offset = self._transformation(wire)
         if start is not None and end is not None:
             connection = Connection(Port(start, source), Port(end, target), factor, offset)
             if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
@@ -232,10 +261,7 @@ class _Reader:
             raise self._wrong(f"connection {where}: leads from no input of the system, nor to an output of it")
         return None
 
-    def _transformation(self, wire: Element, where: str) -> tuple[float, float]:
-        for node in wire:
-            if node.tag.endswith("Transformation") and node.tag != tag("ssc:LinearTransformation"):
-                raise self._wrong(f"connection {where}: a {_local(node)} is not known to this program")
+    def _transformation(self, wire: Element) -> tuple[float, float]:
         linear = wire.find("ssc:LinearTransformation", NAMESPACES)
         if linear is None:
             return 1.0, 0.0

@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.markup import escape
 from rich.table import Table
 
 from fmus.kit.errors import UserError
@@ -128,7 +127,7 @@ def show(found: dict[str, list[Claim]]) -> None:
         table.add_column("note", ratio=10)
         for c in claims:
             cells = [c.where, c.what, _published(c), _value(c), _difference(c), _note(c)]
-            table.add_row(*map(escape, cells), style=_STYLE[c.verdict])
+            table.add_row(*cells, style=_STYLE[c.verdict])
         screen.out.print(table, soft_wrap=False)
         screen.out.print()
 
