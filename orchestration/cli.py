@@ -179,6 +179,24 @@ def compare(
 
 
 @app.command()
+def diagnose(
+    record: Annotated[Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")],
+    model: Annotated[
+        str, typer.Option(metavar="NAME_OR_CLASS", help="A component (see ppy list) or path/to/file.py:Class.")
+    ] = "ppy_actuator",
+    mapping: Map = None,
+    settings: Set = None,
+    effects: Annotated[str | None, _option("--effects", help="Only these, e.g. diffusion,sensor_lag(voltage).")] = None,
+    result: Annotated[Path | None, _option("--json", help="JSON file for the verdict and its figures.")] = None,
+) -> None:
+    """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen."""
+    from orchestration import screen_diagnose
+
+    wanted = [name.strip() for name in (effects or "").split(",") if name.strip()]
+    screen_diagnose.run(record, model, mapping or [], settings or [], wanted, result)
+
+
+@app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for FMUs, pictures, the record and the report.")] = Path(
         "demo-output"

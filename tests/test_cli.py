@@ -17,7 +17,7 @@ from orchestration.rig.emulator import EmulatedRig, RigParameters
 from orchestration.stimuli import multilevel
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
-COMMANDS = ("list", "info", "build", "check", "simulate", "run", "compare", "demo", "thesis")
+COMMANDS = ("list", "info", "build", "check", "simulate", "run", "compare", "diagnose", "demo", "thesis")
 PNG = b"\x89PNG\r\n\x1a\n"
 
 

@@ -13,7 +13,8 @@ from fmus.degradation_estimator import model as estimator
 from fmus.degradation_estimator.model import DegradationEstimator
 from fmus.kit.compiled import CompiledModel
 from fmus.kit.integrate import Integrator
-from orchestration.rig.emulator import EmulatedRig, GrowingResistance, RigParameters
+from orchestration.rig.emulator import EmulatedRig, RigParameters
+from orchestration.rig.hidden_electrical import GrowingResistance
 from orchestration.stimuli import square_wave
 
 R1, R2, C, PERIOD = 0.43, 2.35, 2.70, 0.1  # ohm, ohm, F, s: typed in from table 3-1

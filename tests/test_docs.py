@@ -11,7 +11,11 @@ import pytest
 from fmus.kit.toolchain import host_platform
 
 ROOT = Path(__file__).parents[1]
-PAGES = ["docs/tutorial.md", "docs/reference/master.md", *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "docs" / "how-to").glob("*.md")))]
+PAGES = [
+    "docs/tutorial.md",
+    "docs/reference/master.md",
+    *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "docs" / "how-to").glob("*.md"))),
+]
 BLOCK = re.compile(r"^```(console|python)\n(.*?)^```", re.M | re.S)
 
 

@@ -1,4 +1,4 @@
-"""Claims: an exported system runs in our master, fmpy.ssp, libcosim and Ecos as it is, with equal trajectories, to 1e-9 or better.
+"""Claims: an exported system runs in our master, fmpy.ssp, libcosim and Ecos as it is, and equal to 1e-9 or better.
 
 Where they differ, and where a master leaves out what the file says, is measured here and told in docs/decisions/0008.
 """

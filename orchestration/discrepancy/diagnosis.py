@@ -1,0 +1,253 @@
+"""From a record to a verdict: fit on its first part, name what the model gets wrong, confirm on the part held out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from fmus.kit import Component, Effect
+from fmus.kit.declare import StateDeclaration
+from fmus.kit.errors import UserError
+from orchestration.discrepancy.candidate import label
+from orchestration.discrepancy.evidence import Data, Evidence, Search
+from orchestration.discrepancy.selection import Selection, select
+from orchestration.discrepancy.structure import Jump, Line, jumps, lines
+from orchestration.identify.residuals import Whiteness, normalised_rms, whiteness
+
+Array = NDArray[np.float64]
+HELD_OUT = 1.0 / 3.0  # of the record, its end
+_DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
+_MATTERS = 0.02  # relative difference below which that is not worth a word
+_SHORTEST = 200  # samples to fit to
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter after the diagnosis, SI.
+
+    Attributes
+    ----------
+    value, nominal : float
+    interval : tuple of float
+        95 %.
+    unit : str
+    """
+
+    value: float
+    nominal: float
+    interval: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Left:
+    """What is left of one output after all that was found.
+
+    Attributes
+    ----------
+    lines : list of Line
+    jumps : list of Jump
+    whiteness : Whiteness
+        Of the innovations.
+    """
+
+    lines: list[Line]
+    jumps: list[Jump]
+    whiteness: Whiteness
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict and what it rests on.
+
+    Attributes
+    ----------
+    verdict : {"consistent", "recalibrate", "cause", "ambiguous", "unexplained"}
+    selection : Selection
+    estimates : dict of str to Estimate
+        Of the best model.
+    differing : list of str
+        Parameters that differ from nominal, the surest first.
+    left : dict of str to Left
+        By output, of the best model where it was fitted.
+    before, after : dict of str to float
+        Normalised RMS error on the part held out, of the refitted base and of the best model, by output.
+    notes : list of str
+        What could not be judged, and why.
+    """
+
+    verdict: str
+    selection: Selection
+    estimates: dict[str, Estimate]
+    differing: list[str]
+    left: dict[str, Left]
+    before: dict[str, float]
+    after: dict[str, float]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def causes(self) -> list[str]:
+        """Effects named, in the order in which they were found."""
+        return [label(step.chosen.candidate.effects[-1]) for step in self.selection.steps]
+
+    def as_json(self) -> dict[str, Any]:
+        """Figures in the form of the design, section 8."""
+        best = self.selection.best
+        causes = []
+        for step in self.selection.steps:
+            effect = step.chosen.candidate.effects[-1]
+            own = [name for name in best.candidate.parameters if name in effect.declared]
+            causes.append({
+                "effect": effect.id, "component": self.selection.base.candidate.cls.name,
+                **({"output": effect.output} if effect.output else {}),
+                "parameters": {name: _json(self.estimates[name]) for name in own},
+                "evidence": {"delta_bic": step.gain, "p_value": step.p_value},
+            })  # fmt: skip
+        rivals = [(e, s) for s in self.selection.steps for e in s.rivals]
+        alternatives = [
+            {"effect": e.candidate.name.split(" + ")[-1], "delta_bic": s.chosen.fitted.bic - e.fitted.bic}
+            for e, s in rivals
+        ]
+        gain = {
+            "holdout_nrmse_before": self.before, "holdout_nrmse_after": self.after,
+            "residual_white_after": all(left.whiteness.is_white for left in self.left.values()),
+        }  # fmt: skip
+        return {
+            "verdict": self.verdict,
+            "baseline": {"holdout_fit_percent": {o: 100.0 * (1.0 - e) for o, e in self.before.items()}},
+            "parameters": {name: _json(e) for name, e in self.estimates.items()},
+            "causes": causes, "alternatives": alternatives, "gain": gain, "notes": self.notes,
+        }  # fmt: skip
+
+
+def _json(e: Estimate) -> dict[str, Any]:
+    return {"value": e.value, "ci95": list(e.interval), "nominal": e.nominal, "unit": e.unit}
+
+
+def searched(cls: type[Component]) -> list[str]:
+    """Parameters that every candidate refits: the physical ones, and where the continuous states start."""
+    layout = cls.layout
+    periods = {d.period for d in layout.discretes}
+    starts = {f"{v.name}_start" for v in (*layout.states, *layout.discretes)}
+    continuous = {f"{v.name}_start" for v in layout.states if isinstance(v, StateDeclaration)}
+    return [
+        p.name
+        for p in layout.parameters
+        if p.type == "real" and p.name not in periods and (p.name not in starts or p.name in continuous)
+    ]
+
+
+def diagnose(
+    cls: type[Component],
+    data: Data,
+    effects: Sequence[type[Effect]],
+    fixed: Mapping[str, float] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Tell what a model gets wrong on a record.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    data : Data
+        The record; its last third is held out.
+    effects : sequence of type[Effect]
+        The catalogue.
+    fixed : Mapping of str to float, optional
+        Values of parameters where the search starts.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    UserError
+        If the model cannot be simulated over the record.
+    """
+    count = round(len(data.time) * (1.0 - HELD_OUT))
+    if count < _SHORTEST:
+        raise UserError(
+            f"{len(data.time)} samples are too few for a diagnosis; {round(_SHORTEST / (1 - HELD_OUT))} are the least"
+        )
+    first = Data(
+        data.time[:count],
+        {name: values[:count] for name, values in data.inputs.items()},
+        {name: values[:count] for name, values in data.measured.items()},
+    )
+    idle = not any(np.ptp(values[:count]) > 0.0 for values in data.inputs.values())
+    search = Search(first, cls, searched(cls), fixed or {}, progress)
+    found = Selection(search.nominal()) if idle else select(search, effects)
+    estimates = _estimates(found.best)
+    differing = _differing(found.best, search.parameters)
+    left = {output: _left(found.best, output, first) for output in found.best.fitted.residual}
+    before, after = (_held_out(e, data, count) for e in (found.base, found.best))
+    notes = ["no input moves in this record: no effect can be told from another"] if idle else []
+    verdict = "ambiguous" if idle else _verdict(found, left, differing)
+    return Diagnosis(verdict, found, estimates, differing, left, before, after, notes)
+
+
+def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str]) -> str:
+    if any(rest.lines or rest.jumps for rest in left.values()):
+        return "unexplained"
+    if found.steps:
+        return "ambiguous" if any(step.rivals for step in found.steps) else "cause"
+    return "recalibrate" if differing else "consistent"
+
+
+def _spread(evidence: Evidence) -> Array:
+    """Return the standard errors of the searched coordinates; infinite where the record says nothing."""
+    jacobian = evidence.fitted.jacobian
+    scale = np.sqrt((jacobian**2).sum(axis=0))
+    seen = np.flatnonzero(scale > 0.0)
+    unit = jacobian[:, seen] / scale[seen]
+    spread = np.full(len(scale), np.inf)
+    covariance = np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True)
+    spread[seen] = np.sqrt(np.diag(covariance)) / scale[seen]
+    return spread
+
+
+def _estimates(evidence: Evidence) -> dict[str, Estimate]:
+    problem, fitted = evidence.problem, evidence.fitted
+    half = float(norm.ppf(0.975)) * _spread(evidence)
+    found = {}
+    for name, scale, q, h in zip(problem.names, problem.scales, fitted.q, half, strict=True):
+        ends = (scale.value(q - h), scale.value(q + h))
+        found[name] = Estimate(fitted.values[name], problem.start[name], ends, problem.declared[name].unit)
+    return found
+
+
+def _differing(evidence: Evidence, parameters: Sequence[str]) -> list[str]:
+    """Physical parameters that are surely and noticeably others than nominal."""
+    problem, fitted = evidence.problem, evidence.fitted
+    nominal = problem.position(problem.start)
+    surely = np.abs(fitted.q - nominal) / _spread(evidence)
+    chosen = {
+        name: float(surely[i])
+        for i, name in enumerate(problem.names)
+        if name in parameters and not name.endswith("_start") and surely[i] > _DIFFERS
+        and abs(fitted.q[i] - nominal[i]) > _MATTERS
+    }  # fmt: skip
+    return sorted(chosen, key=lambda name: -chosen[name])
+
+
+def _left(evidence: Evidence, output: str, data: Data) -> Left:
+    residual = evidence.fitted.residual[output]
+    present = evidence.problem.present[output]
+    time, inputs = data.time[present], {name: values[present] for name, values in data.inputs.items()}
+    step = float(np.median(np.diff(data.time)))
+    return Left(lines(residual, step), jumps(residual, time, inputs), whiteness(evidence.fitted.innovation[output]))
+
+
+def _held_out(evidence: Evidence, data: Data, count: int) -> dict[str, float]:
+    """Normalised RMS error behind the part that was fitted, the simulation running on from there."""
+    values = evidence.problem.start | evidence.fitted.values
+    signals = evidence.problem.model.run(data.time, data.inputs, values).signals
+    return {o: normalised_rms(data.measured[o][count:], signals[o][count:]) for o in evidence.problem.measured}

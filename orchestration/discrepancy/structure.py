@@ -1,0 +1,122 @@
+"""What is left, looked at before it is whitened away: lines in the spectrum, jumps, and what it goes along with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.stats import norm
+
+Array = NDArray[np.float64]
+_ALARM = 1e-9  # probability of seeing any of it in noise; a hum or a slip that matters is far beyond
+_END = 4
+_NEIGHBOURS = 61  # frequencies that tell how large the spectrum is about one of them
+
+
+@dataclass(frozen=True)
+class Line:
+    """A periodic part.
+
+    Attributes
+    ----------
+    frequency : float
+        Hz.
+    amplitude : float
+        In the unit of the residual.
+    p_value : float
+        Of so high a line anywhere in the spectrum of noise.
+    """
+
+    frequency: float
+    amplitude: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A sudden change.
+
+    Attributes
+    ----------
+    time : float
+        Seconds.
+    size : float
+        In the unit of the residual.
+    p_value : float
+        Of so large a change anywhere in noise.
+    """
+
+    time: float
+    size: float
+    p_value: float
+
+
+def lines(residual: Array, step: float) -> list[Line]:
+    """Frequencies at which a residual has far more power than about them.
+
+    The periodogram of noise is exponentially distributed about its local level, which a running median tells once the
+    noise is roughly white.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        Equally spaced, without gaps.
+    step : float
+        Seconds between samples.
+
+    Returns
+    -------
+    list of Line
+        The strongest first.
+    """
+    n = len(residual)
+    if n < 4 * _NEIGHBOURS:
+        return []
+    centred = residual - residual.mean()
+    # one real pole flattens red noise and cannot swallow a line
+    pole = float(centred[1:] @ centred[:-1] / (centred @ centred))
+    flat, window = centred[1:] - pole * centred[:-1], np.hanning(n - 1)
+    spectrum = np.abs(np.fft.rfft(flat * window)) ** 2
+    # at either end the window folds the spectrum onto itself, and what is left is not exponentially distributed
+    power, frequency = spectrum[_END:-_END], np.fft.rfftfreq(n - 1, step)[_END:-_END]
+    level = median_filter(power, _NEIGHBOURS, mode="nearest") / np.log(2.0)
+    ratio = power / np.where(level > 0.0, level, np.inf)
+    p = np.minimum(1.0, len(power) * np.exp(-ratio))
+    peaks = [k for k in np.flatnonzero(p < _ALARM) if power[k] == power[max(0, k - 3) : k + 4].max()]
+    passed = np.abs(1.0 - pole * np.exp(-2j * np.pi * frequency * step))
+    amplitude = 2.0 * np.sqrt(power) / window.sum() / passed
+    found = [Line(float(frequency[k]), float(amplitude[k]), float(p[k])) for k in peaks]
+    return sorted(found, key=lambda line: -line.amplitude)
+
+
+def jumps(residual: Array, time: Array, inputs: Mapping[str, Array]) -> list[Jump]:
+    """Steps in a residual where no input steps.
+
+    The mean over some samples after an instant is held against that before it; in noise the difference scatters as its
+    own median tells.
+
+    Parameters
+    ----------
+    residual, time : ndarray, shape (n,)
+    inputs : Mapping of str to ndarray, shape (n,)
+
+    Returns
+    -------
+    list of Jump
+        In order of time.
+    """
+    difference = np.diff(residual)
+    spread = float(np.median(np.abs(difference - np.median(difference)))) / float(norm.ppf(0.75))
+    if spread == 0.0:
+        return []
+    moved = np.zeros(len(difference), dtype=bool)
+    for values in inputs.values():
+        change = np.abs(np.diff(values))
+        moved |= change > 0.01 * np.ptp(values) if np.ptp(values) > 0.0 else False
+    moved |= np.roll(moved, 1)  # a record may show an input a sample early or late
+    moved |= np.roll(moved, -1)
+    p = np.minimum(1.0, 2.0 * len(difference) * norm.sf(np.abs(difference) / spread))
+    return [Jump(float(time[k + 1]), float(difference[k]), float(p[k])) for k in np.flatnonzero((p < _ALARM) & ~moved)]

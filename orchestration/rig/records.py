@@ -1,0 +1,320 @@
+"""Records of the emulated rig whose hidden variation is drawn at random, scaled to what the base physics cannot follow.
+
+The size of a variation is set so that what a refitted base leaves is a wanted number of *noise widths*: the rms of the
+residual over the standard deviation of the noise, of the output where that is largest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.records import write_record
+from orchestration.rig.emulator import EmulatedRig, RigParameters
+from orchestration.rig.physics import Physics, together
+from orchestration.rig.refit import left_over
+from orchestration.rig.variations import VARIATIONS, Variation
+from orchestration.stimuli import multilevel
+
+Array = NDArray[np.float64]
+NOISE = {"voltage": 4e-3, "displacement": 3e-6}  # V, m
+UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
+_WIDTHS = (1.3, 20.0)  # noise widths that strength 1 leaves
+_CLOSE = 0.05  # relative, to the wanted number of noise widths
+_STEPS = 15  # of the search for a size
+_TRIES = 60  # draws until a variation is given up
+_RUN_IN = (100.0, 300.0)  # s, before a record that does not start at rest
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """What was hidden.
+
+    Attributes
+    ----------
+    id, output : str
+        Of the variation, and of the measured output it is made for (or empty).
+    parameters : dict
+        SI.
+    wanted, widths : float
+        Noise widths that the refitted base should leave of this variation alone, and does leave.
+    alike : bool
+        Whether other parameters of the base do just the same; `wanted` is then not a number.
+    """
+
+    id: str
+    output: str
+    parameters: dict[str, float | str | int]
+    wanted: float
+    widths: float
+    alike: bool
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a record does not tell.
+
+    Attributes
+    ----------
+    hidden : tuple of Hidden
+    parameters : RigParameters
+    outputs : dict of str to ndarray, shape (n,)
+        Without noise.
+    widths : dict of str to float
+        Noise widths that the refitted base leaves in every output.
+    """
+
+    hidden: tuple[Hidden, ...]
+    parameters: RigParameters
+    outputs: dict[str, Array]
+    widths: dict[str, float]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of what was hidden."""
+        return tuple(hidden.id for hidden in self.hidden)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A drawn record: time (s), inputs and measured outputs of shape (n,), SI, and the truth."""
+
+    time: Array
+    inputs: dict[str, Array]
+    outputs: dict[str, Array]
+    truth: Truth
+
+
+def draw(
+    hidden: str | tuple[str, ...] | None,
+    seed: int,
+    strength: float = 1.0,
+    noise_colour: float = 0.0,
+    duration: float = 600.0,
+    rate: float = 10.0,
+    outputs: tuple[str, ...] = ("voltage", "displacement"),
+    at_rest: bool = True,
+    changed: Mapping[str, float] | None = None,
+    spread: float = 0.15,
+    cache: Path | None = None,
+) -> Drawn:
+    """Draw a record.
+
+    Parameters
+    ----------
+    hidden : str, tuple of str, or None
+        Ids of `VARIATIONS`; ``"sensor_lag.voltage"`` also chooses the output.
+    seed : int
+        Of everything drawn.
+    strength : float
+        1 leaves 1.3 to 20 noise widths, with equal chance per ratio as far as that many are to be had at plausible
+        sizes; other strengths leave that many times more.
+    noise_colour : float
+        Lag-one correlation of the noise.
+    duration, rate : float
+        s, Hz.
+    outputs : tuple of str
+        Those measured.
+    at_rest : bool
+        Otherwise the rig has already been driven for some minutes.
+    changed : Mapping[str, float], optional
+        Parameters to change, by factors of their nominal values; these do not scatter.
+    spread : float
+        The others are off nominal by up to this share, with equal chance.
+    cache : Path, optional
+        A folder in which records are kept; one drawn before by the same code is read from there.
+
+    Returns
+    -------
+    Drawn
+
+    Raises
+    ------
+    ValueError
+        If a variation is unknown, or leaves too little in these outputs at any plausible size.
+    """
+    ids = (hidden,) if isinstance(hidden, str) else hidden or ()
+    for name in ids:
+        if name.partition(".")[0] not in VARIATIONS:
+            raise ValueError(f"no hidden variation {name!r}; there are {', '.join(VARIATIONS)}")
+    make = partial(_draw, ids, seed, strength, noise_colour, duration, rate, outputs, at_rest, changed or {}, spread)
+    if cache is None:
+        return make()
+    file = cache / f"{_digest(repr(make.args))}.pickle"
+    if not file.exists():
+        drawn = make()
+        cache.mkdir(parents=True, exist_ok=True)
+        part = file.with_suffix(".part")
+        part.write_bytes(pickle.dumps(drawn))
+        part.replace(file)  # whole or not at all: the next run trusts what it finds
+    kept: Drawn = pickle.loads(file.read_bytes())
+    return kept
+
+
+def write(drawn: Drawn, path: str | Path) -> None:
+    """Write what was measured as CSV, and nothing else."""
+    write_record(path, drawn.time, drawn.inputs | drawn.outputs, UNITS)
+
+
+def _draw(
+    ids: tuple[str, ...], seed: int, strength: float, noise_colour: float, duration: float, rate: float,
+    outputs: tuple[str, ...], at_rest: bool, changed: Mapping[str, float], spread: float,
+) -> Drawn:  # fmt: skip
+    for attempt in range(_TRIES):
+        random = np.random.default_rng([seed, zlib.crc32(repr(ids).encode()), attempt])
+        specimen = {n: _between(random, *ends) for name in ids for n, ends in _variation(name)[0].specimen.items()}
+        bench = _Bench.drawn(random, duration, rate, outputs, at_rest, specimen | dict(changed), spread)
+        found: list[Hidden] = []
+        for name in ids:
+            sized = _sized(name, bench, strength, random)
+            if sized is None:
+                break
+            found.append(sized)
+        else:
+            return bench.record(found, noise_colour, int(random.integers(2**31)))
+    raise ValueError(f"{' and '.join(ids)}: leaves too little in {', '.join(outputs)} at any plausible size")
+
+
+@dataclass(frozen=True)
+class _Bench:
+    """An actuator, its inputs, and which part of the run is the record."""
+
+    parameters: RigParameters
+    time: Array
+    current: Array
+    force: Array
+    lead: int
+    outputs: tuple[str, ...]
+
+    @classmethod
+    def drawn(
+        cls, random: np.random.Generator, duration: float, rate: float, outputs: tuple[str, ...], at_rest: bool,
+        changed: Mapping[str, float], spread: float,
+    ) -> _Bench:  # fmt: skip
+        nominal = asdict(RigParameters())
+        factors = {name: random.uniform(1 - spread, 1 + spread) for name in nominal} | dict(changed)
+        parameters = RigParameters(**{name: nominal[name] * factors[name] for name in nominal})
+        lead = 0 if at_rest else round(random.uniform(*_RUN_IN) * rate)
+        time = np.arange(-lead, round(duration * rate)) / rate
+        peak, dwell = random.uniform(0.8, 1.3), random.uniform(1.0, 3.0)
+        levels = peak * np.array([-1.0, *random.uniform(-0.9, 0.9, 4), 1.0])
+        current = multilevel(
+            time, levels.tolist(), (dwell, dwell * random.uniform(3.0, 6.0)), int(random.integers(2**31))
+        )
+        bias, top = random.uniform(0.3, 0.5), random.uniform(2.5, 3.0)
+        loads = [bias, *random.uniform(bias, top, 5), top]
+        hold = random.uniform(6.0, 15.0)
+        force = multilevel(time, loads, (hold, hold * random.uniform(2.0, 4.0)), int(random.integers(2**31)))
+        quiet = time < time[0] + random.uniform(2.0, 5.0)
+        return cls(parameters, time, np.where(quiet, 0.0, current), np.where(quiet, bias, force), lead, outputs)
+
+    def shown(self, physics: Callable[[RigParameters], Physics]) -> dict[str, Array]:
+        """Return the measured outputs (n,) of the record, without noise."""
+        rig = EmulatedRig(self.parameters, hidden=physics)
+        rig.run(self.time, self.current, self.force)
+        return {output: rig.truth[output][self.lead :] for output in self.outputs}
+
+    def widths(self, shown: Mapping[str, Array]) -> dict[str, float]:
+        """Return how many noise widths a refitted base leaves in every output."""
+        current, force = self.current[self.lead :], self.force[self.lead :]
+        residual = left_over(self.time[1] - self.time[0], current, force, shown, NOISE, self.parameters)
+        return {output: float(np.sqrt(np.mean(left**2)) / NOISE[output]) for output, left in residual.items()}
+
+    def record(self, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
+        """Measure with noise."""
+        kind = together([_variation(h.id)[0].physics for h in hidden])
+        values = {name: value for h in hidden for name, value in h.parameters.items()}
+        physics = partial(kind, **values)  # type: ignore[arg-type]
+        rig = EmulatedRig(
+            self.parameters, seed, NOISE["voltage"], NOISE["displacement"], noise_colour, hidden=physics
+        )  # fmt: skip
+        measured = rig.run(self.time, self.current, self.force)
+        part = slice(self.lead, None)
+        shown = {output: rig.truth[output][part] for output in self.outputs}
+        return Drawn(
+            self.time[part],
+            {"current": self.current[part], "force": self.force[part]},
+            {output: measured[output][part] for output in self.outputs},
+            Truth(tuple(hidden), self.parameters, shown, self.widths(shown)),
+        )
+
+
+def _variation(name: str) -> tuple[Variation, str]:
+    """Return the variation that an id means, and the output it chooses (or nothing)."""
+    identity, _, output = name.partition(".")
+    return VARIATIONS[identity], output
+
+
+def _sized(name: str, bench: _Bench, strength: float, random: np.random.Generator) -> Hidden | None:
+    """Draw a variation of a size that leaves as many noise widths as the strength wants; None if there is none."""
+    variation, output = _variation(name)
+    choices = [o for o in variation.limits if (not o or o in bench.outputs) and output in ("", o)]
+    if not output and any(o not in variation.alike for o in choices):
+        choices = [o for o in choices if o not in variation.alike]
+    if not choices:
+        return None
+    output = str(random.choice(choices))
+    values: dict[str, float | str | int] = {n: _between(random, *ends) for n, ends in variation.ranges.items()}
+    values |= {variation.output: output} if variation.output else {}
+    values |= {variation.seed: int(random.integers(2**31))} if variation.seed else {}
+    sign = float(random.choice([-1.0, 1.0])) if variation.signed else 1.0
+    limit = variation.limits[output]
+
+    def widths(size: float) -> float:
+        physics = partial(variation.physics, **(values | {variation.size: sign * size}))  # type: ignore[arg-type]
+        return max(bench.widths(bench.shown(physics)).values())
+
+    alike, wanted = output in variation.alike, float("nan")
+    size: float | None = strength * _between(random, 0.1 * limit, limit)
+    if not alike:
+        most = widths(limit)
+        least = widths(variation.least * limit) if variation.least else 0.0
+        low, high = max(strength * _WIDTHS[0], least), min(strength * _WIDTHS[1], most)
+        if not low < high:
+            return None
+        wanted = _between(random, low, high)
+        size = _search(widths, wanted, limit, most)
+    if size is None or size <= variation.above_bias * bench.force.min():
+        return None
+    values[variation.size] = sign * size
+    return Hidden(name.partition(".")[0], output, values, wanted, widths(size), alike)
+
+
+def _search(widths: Callable[[float], float], wanted: float, limit: float, most: float) -> float | None:
+    """Return a size that leaves the wanted widths closely, below the limit, which leaves the most; None if none does.
+
+    The widths are nearly a power of the size: steps follow it, or halve the bracket in the logarithm.
+    """
+    low, high, power, before = 0.0, limit, 1.0, (limit, most)
+    for _ in range(_STEPS):
+        size = before[0] * (wanted / before[1]) ** (1 / power)
+        if low and not low < size < high:
+            size = float(np.sqrt(low * high))
+        left = widths(size)
+        if abs(left / wanted - 1) <= _CLOSE:
+            return size
+        low, high = (size, high) if left < wanted else (low, size)
+        if high < 1.001 * low:
+            return None  # a jump
+        power = float(np.clip(np.log(left / before[1]) / np.log(size / before[0]), 0.3, 3.0))
+        before = size, left
+    return None
+
+
+def _between(random: np.random.Generator, low: float, high: float) -> float:
+    """Draw with equal chance per ratio, or per difference from zero."""
+    return float(np.exp(random.uniform(np.log(low), np.log(high)))) if low > 0 else float(random.uniform(low, high))
+
+
+def _digest(arguments: str) -> str:
+    """Name a record by its arguments and the code that draws it."""
+    code = b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py")))
+    return hashlib.sha256(code + arguments.encode()).hexdigest()[:24]
