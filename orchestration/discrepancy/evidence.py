@@ -123,20 +123,22 @@ class Search:
         return fit(problem, q, below.fitted.noise if below else None, physical)
 
     def _problem(self, candidate: Candidate) -> Problem:
-        names = [*self.parameters, *candidate.parameters]
-        return Problem(candidate.cls, self.data.time, self.data.inputs, self.data.measured, names, self.fixed)
+        return self._searching(candidate, [*self.parameters, *candidate.parameters], self.fixed)
+
+    def _searching(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
+        return Problem(candidate.cls, self.data.time, self.data.inputs, self.data.measured, names, fixed)
 
     def _score(
         self, below: Evidence, project: Callable[[Array], Array], candidate: Candidate, own: Sequence[str]
     ) -> tuple[float, dict[str, float]]:
-        problem = self._problem(candidate)
         switch, *others = own
-        at = problem.names.index(switch)
         fitted = below.fitted
+        problem = self._searching(candidate, own, {**self.fixed, **fitted.values})  # no other derivatives are needed
+        at = problem.names.index(switch)
         left = np.concatenate([fitted.innovation[o] for o in fitted.innovation])
         best, where = -1.0, dict[str, float]()
         for values in _grid(others, problem.declared):
-            q = problem.position(problem.start | fitted.values | values)
+            q = problem.position(problem.start | values)
             jacobian = problem.evaluate(q)[1]
             column = np.concatenate([fitted.noise[o].whiten(j[:, at], problem.present[o]) for o, j in jacobian.items()])
             new = column - project(column)
