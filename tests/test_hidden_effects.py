@@ -20,6 +20,7 @@ from fmus.ppy_actuator.model import PpyActuator
 from orchestration.identify.grey_box import fit
 from orchestration.records import read_record
 from orchestration.rig import records
+from orchestration.rig.bench import NOISE
 from orchestration.rig.emulator import EmulatedRig, Physics, RigParameters
 from orchestration.rig.hidden_coupling import (
     ChargedSoftness,
@@ -47,7 +48,7 @@ from orchestration.rig.hidden_mechanical import (
 from orchestration.rig.hidden_sensor import BiasedSensor, DriftingSensor, LateSensor, MisscaledSensor, SluggishSensor
 from orchestration.rig.hidden_unknown import Hum, LooseContact, LooseFixture, RestlessAir, SlippingClamp
 from orchestration.rig.physics import together
-from orchestration.rig.records import NOISE, draw, write
+from orchestration.rig.records import draw, write
 from orchestration.rig.run import Step
 from orchestration.rig.variations import CATALOGUE, UNKNOWN, VARIATIONS
 from orchestration.stimuli import multilevel

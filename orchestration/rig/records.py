@@ -10,7 +10,7 @@ import hashlib
 import pickle
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -18,20 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.records import write_record
+from orchestration.rig.bench import NOISE, Bench
 from orchestration.rig.emulator import EmulatedRig, RigParameters
-from orchestration.rig.physics import Physics, together
-from orchestration.rig.refit import left_over
+from orchestration.rig.physics import together
 from orchestration.rig.variations import VARIATIONS, Variation
-from orchestration.stimuli import multilevel
 
 Array = NDArray[np.float64]
-NOISE = {"voltage": 4e-3, "displacement": 3e-6}  # V, m
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 _WIDTHS = (1.3, 20.0)  # noise widths that strength 1 leaves
 _CLOSE = 0.05  # relative, to the wanted number of noise widths
 _STEPS = 15  # of the search for a size
 _TRIES = 60  # draws until a variation is given up
-_RUN_IN = (100.0, 300.0)  # s, before a record that does not start at rest
 
 
 @dataclass(frozen=True)
@@ -116,7 +113,7 @@ def draw(
         Of everything drawn.
     strength : float
         1 leaves 1.3 to 20 noise widths, with equal chance per ratio as far as that many are to be had at plausible
-        sizes; other strengths leave that many times more.
+        sizes; another strength leaves that many times more or less.
     noise_colour : float
         Lag-one correlation of the noise.
     duration, rate : float
@@ -171,7 +168,7 @@ def _draw(
     for attempt in range(_TRIES):
         random = np.random.default_rng([seed, zlib.crc32(repr(ids).encode()), attempt])
         specimen = {n: _between(random, *ends) for name in ids for n, ends in _variation(name)[0].specimen.items()}
-        bench = _Bench.drawn(random, duration, rate, outputs, at_rest, specimen | dict(changed), spread)
+        bench = Bench.drawn(random, duration, rate, outputs, at_rest, specimen | dict(changed), spread)
         found: list[Hidden] = []
         for name in ids:
             sized = _sized(name, bench, strength, random)
@@ -179,72 +176,27 @@ def _draw(
                 break
             found.append(sized)
         else:
-            return bench.record(found, noise_colour, int(random.integers(2**31)))
+            return _measured(bench, found, noise_colour, int(random.integers(2**31)))
     raise ValueError(f"{' and '.join(ids)}: leaves too little in {', '.join(outputs)} at any plausible size")
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """An actuator, its inputs, and which part of the run is the record."""
-
-    parameters: RigParameters
-    time: Array
-    current: Array
-    force: Array
-    lead: int
-    outputs: tuple[str, ...]
-
-    @classmethod
-    def drawn(
-        cls, random: np.random.Generator, duration: float, rate: float, outputs: tuple[str, ...], at_rest: bool,
-        changed: Mapping[str, float], spread: float,
-    ) -> _Bench:  # fmt: skip
-        nominal = asdict(RigParameters())
-        factors = {name: random.uniform(1 - spread, 1 + spread) for name in nominal} | dict(changed)
-        parameters = RigParameters(**{name: nominal[name] * factors[name] for name in nominal})
-        lead = 0 if at_rest else round(random.uniform(*_RUN_IN) * rate)
-        time = np.arange(-lead, round(duration * rate)) / rate
-        peak, dwell = random.uniform(0.8, 1.3), random.uniform(1.0, 3.0)
-        levels = peak * np.array([-1.0, *random.uniform(-0.9, 0.9, 4), 1.0])
-        current = multilevel(
-            time, levels.tolist(), (dwell, dwell * random.uniform(3.0, 6.0)), int(random.integers(2**31))
-        )
-        bias, top = random.uniform(0.3, 0.5), random.uniform(2.5, 3.0)
-        loads = [bias, *random.uniform(bias, top, 5), top]
-        hold = random.uniform(6.0, 15.0)
-        force = multilevel(time, loads, (hold, hold * random.uniform(2.0, 4.0)), int(random.integers(2**31)))
-        quiet = time < time[0] + random.uniform(2.0, 5.0)
-        return cls(parameters, time, np.where(quiet, 0.0, current), np.where(quiet, bias, force), lead, outputs)
-
-    def shown(self, physics: Callable[[RigParameters], Physics]) -> dict[str, Array]:
-        """Return the measured outputs (n,) of the record, without noise."""
-        rig = EmulatedRig(self.parameters, hidden=physics)
-        rig.run(self.time, self.current, self.force)
-        return {output: rig.truth[output][self.lead :] for output in self.outputs}
-
-    def widths(self, shown: Mapping[str, Array]) -> dict[str, float]:
-        """Return how many noise widths a refitted base leaves in every output."""
-        current, force = self.current[self.lead :], self.force[self.lead :]
-        residual = left_over(self.time[1] - self.time[0], current, force, shown, NOISE, self.parameters)
-        return {output: float(np.sqrt(np.mean(left**2)) / NOISE[output]) for output, left in residual.items()}
-
-    def record(self, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
-        """Measure with noise."""
-        kind = together([_variation(h.id)[0].physics for h in hidden])
-        values = {name: value for h in hidden for name, value in h.parameters.items()}
-        physics = partial(kind, **values)  # type: ignore[arg-type]
-        rig = EmulatedRig(
-            self.parameters, seed, NOISE["voltage"], NOISE["displacement"], noise_colour, hidden=physics
-        )  # fmt: skip
-        measured = rig.run(self.time, self.current, self.force)
-        part = slice(self.lead, None)
-        shown = {output: rig.truth[output][part] for output in self.outputs}
-        return Drawn(
-            self.time[part],
-            {"current": self.current[part], "force": self.force[part]},
-            {output: measured[output][part] for output in self.outputs},
-            Truth(tuple(hidden), self.parameters, shown, self.widths(shown)),
-        )
+def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
+    """Measure with noise."""
+    kind = together([_variation(h.id)[0].physics for h in hidden])
+    values = {name: value for h in hidden for name, value in h.parameters.items()}
+    physics = partial(kind, **values)  # type: ignore[arg-type]
+    rig = EmulatedRig(
+        bench.parameters, seed, NOISE["voltage"], NOISE["displacement"], noise_colour, hidden=physics
+    )  # fmt: skip
+    measured = rig.run(bench.time, bench.current, bench.force)
+    part = slice(bench.lead, None)
+    shown = {output: rig.truth[output][part] for output in bench.outputs}
+    return Drawn(
+        bench.time[part],
+        {"current": bench.current[part], "force": bench.force[part]},
+        {output: measured[output][part] for output in bench.outputs},
+        Truth(tuple(hidden), bench.parameters, shown, bench.widths(shown)),
+    )
 
 
 def _variation(name: str) -> tuple[Variation, str]:
@@ -253,7 +205,7 @@ def _variation(name: str) -> tuple[Variation, str]:
     return VARIATIONS[identity], output
 
 
-def _sized(name: str, bench: _Bench, strength: float, random: np.random.Generator) -> Hidden | None:
+def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator) -> Hidden | None:
     """Draw a variation of a size that leaves as many noise widths as the strength wants; None if there is none."""
     variation, output = _variation(name)
     choices = [o for o in variation.limits if (not o or o in bench.outputs) and output in ("", o)]
@@ -277,10 +229,10 @@ def _sized(name: str, bench: _Bench, strength: float, random: np.random.Generato
     if not alike:
         most = widths(limit)
         least = widths(variation.least * limit) if variation.least else 0.0
-        low, high = max(strength * _WIDTHS[0], least), min(strength * _WIDTHS[1], most)
+        low, high = max(_WIDTHS[0], least / strength), min(_WIDTHS[1], most)
         if not low < high:
             return None
-        wanted = _between(random, low, high)
+        wanted = strength * _between(random, low, high)
         size = _search(widths, wanted, limit, most)
     if size is None or size <= variation.above_bias * bench.force.min():
         return None

@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from orchestration.rig.physics import RigParameters
 
 Array = NDArray[np.float64]
+_PASSES = 3  # of weighing every output by the noise and what is left of it, as maximum likelihood would
 _FACTOR = 20.0  # by which a time constant may differ from where the search starts
 
 
@@ -36,7 +37,7 @@ def left_over(
     shown : Mapping[str, ndarray]
         Voltage (V), displacement (m) or both, shape (n,).
     noise : Mapping[str, float]
-        Standard deviations; they weigh the outputs against each other.
+        Standard deviations; with what is left, they weigh the outputs against each other.
     near : RigParameters
         Where the search for the time constants starts.
 
@@ -58,12 +59,19 @@ def left_over(
         }  # fmt: skip
         return {output: _project(np.column_stack(explained[output]), signal) for output, signal in shown.items()}
 
-    def weighted(logarithms: Array) -> Array:
-        return np.concatenate([left / noise[output] for output, left in residuals(logarithms).items()])
+    def weighted(logarithms: Array, spread: Mapping[str, float]) -> Array:
+        return np.concatenate([left / spread[output] for output, left in residuals(logarithms).items()])
 
-    reach = np.log(_FACTOR)
-    found = least_squares(weighted, start, bounds=(start - reach, start + reach), x_scale=0.1, xtol=1e-6, ftol=1e-6)
-    return residuals(found.x)
+    low, high, found, spread = start - np.log(_FACTOR), start + np.log(_FACTOR), start, dict(noise)
+    for _ in range(_PASSES if len(shown) > 1 else 1):
+        found = least_squares(
+            weighted, found, bounds=(low, high), x_scale=0.1, xtol=1e-6, ftol=1e-6, args=(spread,)
+        ).x.clip(low + 1e-9, high - 1e-9)
+        spread = {
+            output: float(np.hypot(noise[output], np.sqrt(np.mean(left**2))))
+            for output, left in residuals(found).items()
+        }
+    return residuals(found)
 
 
 def _relaxing(held: Array, time_constant: float, period: float) -> Array:
