@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from fmus.kit import Component, archive, units
 from fmus.kit.documentation import unit_of_differences
 from fmus.kit.errors import UserError, suggestion
 from orchestration.identify.grey_box import Fit, fit
-from orchestration.identify.residuals import Whiteness, fit_percent, rms, whiteness
+from orchestration.identify.residuals import Whiteness, fit_percent, number, rms, whiteness
 from orchestration.models import Model
 from orchestration.records import Record, read_record
 from orchestration.simulate import simulate
@@ -182,9 +181,6 @@ def _judge(
 
 def to_json(comparison: Comparison) -> dict[str, Any]:
     """Gather the figures, ready for JSON: numbers in the units that stand beside them, no NaN (null instead)."""
-
-    def number(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
 
     def judged(judgements: Mapping[str, Judgement]) -> dict[str, Any]:
         return {

@@ -13,7 +13,7 @@ from fmus.kit.errors import UserError
 
 _DESCRIPTION = "modelDescription.xml"
 # What zipfile raises on damaged, encrypted or strangely compressed members.
-_UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
+UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
 
 
 class Archive:
@@ -43,7 +43,7 @@ class Archive:
             raise UserError(f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}")
         try:
             self._zip = zipfile.ZipFile(path)
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise UserError(f"{path}: not an FMU (an FMU is a zip archive; this is none, or it is cut off)") from error
         try:
             self.names = [name for name in self._zip.namelist() if not name.endswith("/")]
@@ -57,7 +57,7 @@ class Archive:
             raise UserError(f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)")
         try:
             root = ElementTree.fromstring(self._zip.read(_DESCRIPTION))
-        except (ElementTree.ParseError, LookupError, *_UNREADABLE) as error:
+        except (ElementTree.ParseError, LookupError, *UNREADABLE) as error:
             raise UserError(f"{self.path}: {_DESCRIPTION} cannot be read ({error})") from error
         if root.tag != "fmiModelDescription":
             raise UserError(f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'")
@@ -83,7 +83,7 @@ class Archive:
         """Contents of a file; None if it is damaged."""
         try:
             return self._zip.read(name)
-        except _UNREADABLE:
+        except UNREADABLE:
             return None
 
     def entries(self) -> list[zipfile.ZipInfo]:

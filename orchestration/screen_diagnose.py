@@ -22,7 +22,6 @@ from orchestration.screen import out, plain_table, progress, tell_repairs
 
 if TYPE_CHECKING:
     from fmus.kit import Effect
-    from orchestration.models import Model
 
 _SENTENCES = {
     "consistent": "The model is consistent with the record: nothing is wrong beyond noise.",
@@ -60,9 +59,9 @@ def run(
         chosen = _chosen(catalogue(model.cls, models.catalogue(model.cls), measured), wanted)
         fixed = {n: value for n, value in given.items() if n in model.parameters}
         found = diagnose(model.cls, Data(record.time, inputs, measured), chosen, fixed, tell)
-    _show(model, found)
+    _show(found)
     if result is not None:
-        archive.write(result, json.dumps(found.as_json(), indent=1, allow_nan=True).encode())
+        archive.write(result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
         out.print(f"wrote {result}", markup=False)
 
 
@@ -90,7 +89,7 @@ def sentence(found: Diagnosis) -> str:
     return _SENTENCES[found.verdict].format(**words)
 
 
-def _show(model: Model, found: Diagnosis) -> None:
+def _show(found: Diagnosis) -> None:
     out.print(found.verdict, style="bold", end="  ")
     out.print(sentence(found), markup=False)
     for note in found.notes:

@@ -15,7 +15,7 @@ from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidate import Candidate, catalogue, label, own_parameters
 from orchestration.discrepancy.diagnosis import diagnose, searched
-from orchestration.discrepancy.evidence import Data
+from orchestration.discrepancy.evidence import Data, Search
 from orchestration.discrepancy.noise import ORDER, Noise, estimate, segments
 from orchestration.discrepancy.structure import jumps, lines
 from orchestration.identify.damped import minimise
@@ -198,3 +198,21 @@ def test_an_unknown_model_is_told(tmp_path):
 def test_a_record_that_is_too_short_is_refused():
     with pytest.raises(UserError, match="3 samples are too few for a diagnosis; 300 are the least"):
         diagnose(PpyActuator, Data(np.arange(3.0), {}, {"voltage": np.zeros(3)}), FEW)
+
+
+def test_what_is_written_is_json_as_others_read_it(tmp_path):
+    """A record of the voltage says nothing about springs: their intervals have no ends."""
+    drawn = record("double_layer", outputs=("voltage",))
+    found = diagnose(PpyActuator, drawn, [EFFECTS["double_layer"]])
+    assert found.causes == ["double_layer"]
+    text = json.dumps(found.as_json(), allow_nan=False)
+    assert json.loads(text)["parameters"]["k1"]["ci95"][1] is None
+
+
+def test_an_effect_that_cannot_be_simulated_is_told(monkeypatch):
+    def fails_to(self, below, project, candidate, own):
+        raise UserError("no derivative there")
+
+    monkeypatch.setattr(Search, "_score", fails_to)
+    found = diagnose(PpyActuator, record(None), FEW[:1])
+    assert found.notes == ["strain_saturation was not judged: no derivative there"]

@@ -11,37 +11,20 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from fmus.kit import Component, Effect
-from fmus.kit.declare import StateDeclaration
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidate import label
 from orchestration.discrepancy.evidence import Data, Evidence, Search
+from orchestration.discrepancy.regression import normal_inverse
 from orchestration.discrepancy.selection import Selection, select
 from orchestration.discrepancy.structure import Jump, Line, jumps, lines
-from orchestration.identify.residuals import Whiteness, normalised_rms, whiteness
+from orchestration.identify.grey_box import Estimate
+from orchestration.identify.residuals import Whiteness, normalised_rms, number, whiteness
 
 Array = NDArray[np.float64]
 HELD_OUT = 1.0 / 3.0  # of the record, its end
 _DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
 _MATTERS = 0.02  # relative difference below which that is not worth a word
 _SHORTEST = 200  # samples to fit to
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter after the diagnosis, SI.
-
-    Attributes
-    ----------
-    value, nominal : float
-    interval : tuple of float
-        95 %.
-    unit : str
-    """
-
-    value: float
-    nominal: float
-    interval: tuple[float, float]
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -114,32 +97,27 @@ class Diagnosis:
             for e, s in rivals
         ]
         gain = {
-            "holdout_nrmse_before": self.before, "holdout_nrmse_after": self.after,
+            "holdout_nrmse_before": {o: number(e) for o, e in self.before.items()},
+            "holdout_nrmse_after": {o: number(e) for o, e in self.after.items()},
             "residual_white_after": all(left.whiteness.is_white for left in self.left.values()),
         }  # fmt: skip
         return {
             "verdict": self.verdict,
-            "baseline": {"holdout_fit_percent": {o: 100.0 * (1.0 - e) for o, e in self.before.items()}},
+            "baseline": {"holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in self.before.items()}},
             "parameters": {name: _json(e) for name, e in self.estimates.items()},
             "causes": causes, "alternatives": alternatives, "gain": gain, "notes": self.notes,
         }  # fmt: skip
 
 
 def _json(e: Estimate) -> dict[str, Any]:
-    return {"value": e.value, "ci95": list(e.interval), "nominal": e.nominal, "unit": e.unit}
+    return {"value": e.value, "ci95": [number(end) for end in e.interval], "nominal": e.nominal, "unit": e.unit}
 
 
 def searched(cls: type[Component]) -> list[str]:
     """Parameters that every candidate refits: the physical ones, and where the continuous states start."""
     layout = cls.layout
-    periods = {d.period for d in layout.discretes}
-    starts = {f"{v.name}_start" for v in (*layout.states, *layout.discretes)}
-    continuous = {f"{v.name}_start" for v in layout.states if isinstance(v, StateDeclaration)}
-    return [
-        p.name
-        for p in layout.parameters
-        if p.type == "real" and p.name not in periods and (p.name not in starts or p.name in continuous)
-    ]
+    others = {d.period for d in layout.discretes} | {f"{d.name}_start" for d in layout.discretes}
+    return [p.name for p in layout.parameters if p.type == "real" and p.name not in others]
 
 
 def diagnose(
@@ -190,6 +168,7 @@ def diagnose(
     left = {output: _left(found.best, output, first) for output in found.best.fitted.residual}
     before, after = (_held_out(e, data, count) for e in (found.base, found.best))
     notes = ["no input moves in this record: no effect can be told from another"] if idle else []
+    notes += [f"{name} was not judged: {reason}" for name, reason in search.unjudged.items()]
     verdict = "ambiguous" if idle else _verdict(found, left, differing)
     return Diagnosis(verdict, found, estimates, differing, left, before, after, notes)
 
@@ -204,13 +183,9 @@ def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str
 
 def _spread(evidence: Evidence) -> Array:
     """Return the standard errors of the searched coordinates; infinite where the record says nothing."""
-    jacobian = evidence.fitted.jacobian
-    scale = np.sqrt((jacobian**2).sum(axis=0))
-    seen = np.flatnonzero(scale > 0.0)
-    unit = jacobian[:, seen] / scale[seen]
-    spread = np.full(len(scale), np.inf)
-    covariance = np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True)
-    spread[seen] = np.sqrt(np.diag(covariance)) / scale[seen]
+    seen, covariance = normal_inverse(evidence.fitted.jacobian)
+    spread = np.full(len(evidence.fitted.q), np.inf)
+    spread[seen] = np.sqrt(np.diag(covariance))
     return spread
 
 

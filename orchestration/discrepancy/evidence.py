@@ -12,8 +12,8 @@ from scipy.stats import chi2
 
 from fmus.kit import Component, Effect
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.candidate import Candidate, own_parameters
-from orchestration.discrepancy.regression import Fitted, fit
+from orchestration.discrepancy.candidate import Candidate, label, own_parameters
+from orchestration.discrepancy.regression import Fitted, fit, normal_inverse
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
@@ -78,6 +78,8 @@ class Search:
     fixed : Mapping of str to float
     progress : callable
         Told what is being done.
+    unjudged : dict of str to str
+        Effects that could not be simulated over the record, and why.
     """
 
     data: Data
@@ -85,6 +87,7 @@ class Search:
     parameters: Sequence[str]
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
+    unjudged: dict[str, str] = field(default_factory=dict)
 
     def nominal(self) -> Evidence:
         """Fit the model without effects."""
@@ -105,8 +108,9 @@ class Search:
             self.progress(f"looking at {effect.id}")
             try:
                 score, start = self._score(below, project, below.candidate.with_effect(effect), own_parameters(effect))
-            except UserError:
-                continue  # it cannot be laid over this one
+            except UserError as error:
+                self.unjudged[label(effect)] = str(error)
+                continue
             found.append((score, effect, start))
         return sorted(found, key=lambda row: -row[0])
 
@@ -159,10 +163,8 @@ class Search:
 
 def _projection(jacobian: Array) -> Callable[[Array], Array]:
     """Return the projection onto the columns of a Jacobian, by its normal equations."""
-    scale = np.sqrt((jacobian**2).sum(axis=0))
-    seen = jacobian[:, scale > 0.0] / scale[scale > 0.0]
-    inverse = np.linalg.pinv(seen.T @ seen, rcond=_FLAT, hermitian=True)
-    return lambda column: seen @ (inverse @ (seen.T @ column))
+    seen, inverse = normal_inverse(jacobian)
+    return lambda column: jacobian[:, seen] @ (inverse @ (jacobian[:, seen].T @ column))
 
 
 def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 # Width, in the logarithm, of what is believed of a physical parameter before the record is seen: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 BELIEF = 1.0
+FLAT = 1e-12  # relative curvature below which a direction counts as undetermined
 _PASSES = 3  # of fitting with a colour and estimating the colour from what is left
 _SETTLED = 0.5  # change of the log-likelihood that ends it
 
@@ -114,15 +115,15 @@ def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physi
         q = minimise(rows, slopes, q, low, high)
         error = problem.evaluate(q)[0]
         colours = {o: estimate(e, problem.present[o]) for o, e in error.items()}
-        deviance = _deviance(colours, error, problem)
+        innovation = {o: colours[o].whiten(e, problem.present[o]) for o, e in error.items()}
+        deviance = float(sum(2.0 * len(innovation[o]) * np.log(n.deviation) for o, n in colours.items()))
         if before - deviance < _SETTLED:
             break
         before = deviance
-    innovation = {o: colours[o].whiten(e, problem.present[o]) for o, e in error.items()}
-    jacobian = slopes(q)[: sum(map(len, innovation.values()))]
+    samples = sum(map(len, innovation.values()))
+    jacobian = slopes(q)[:samples]
     count = len(q) + sum(len(n.coefficients) for n in colours.values())
     deviance += float(belief(q) @ belief(q))
-    samples = sum(map(len, innovation.values()))
     return Fitted(q, problem.values(q), colours, error, innovation, jacobian, deviance, count, samples)
 
 
@@ -130,6 +131,9 @@ def _white(residual: Array) -> Noise:
     return Noise(np.empty(0), float(np.sqrt(np.mean(residual**2))) or np.finfo(float).tiny)
 
 
-def _deviance(noise: Mapping[str, Noise], residual: Mapping[str, Array], problem: Problem) -> float:
-    sizes = {o: len(n.whiten(residual[o], problem.present[o])) for o, n in noise.items()}
-    return float(sum(2.0 * sizes[o] * np.log(n.deviation) for o, n in noise.items()))
+def normal_inverse(jacobian: Array) -> tuple[NDArray[np.intp], Array]:
+    """Return which columns of a Jacobian are not zero, and the inverse of their normal matrix, scaled before."""
+    scale = np.sqrt((jacobian**2).sum(axis=0))
+    seen = np.flatnonzero(scale > 0.0)
+    unit = jacobian[:, seen] / scale[seen]
+    return seen, np.linalg.pinv(unit.T @ unit, rcond=FLAT, hermitian=True) / np.outer(scale[seen], scale[seen])

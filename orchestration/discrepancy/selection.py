@@ -103,7 +103,8 @@ def _fitted(search: Search, below: Evidence, effects: Sequence[type[Effect]]) ->
     for _, effect, start in search.scores(below, effects)[:PROMISING]:
         try:
             evidence = search.extended(below, effect, start)
-        except UserError:
-            continue  # it cannot be simulated from there
+        except UserError as error:
+            search.unjudged[label(effect)] = str(error)
+            continue
         result.append((evidence, evidence.over(below, len(effects))))
     return sorted(result, key=lambda row: -row[1])

@@ -1,7 +1,7 @@
 """Levenberg-Marquardt within bounds, on the normal equations: many residuals, few parameters, derivatives for free.
 
-A singular value decomposition of the Jacobian, as `scipy.optimize.least_squares` makes in every step, costs ten times
-the simulation that gave it. Columns are scaled to unit length, so that the squared condition does no harm at the
+A singular value decomposition of the Jacobian, as `scipy.optimize.least_squares` makes in every step, costs several
+times the simulation that gave it. Columns are scaled to unit length, so that the squared condition does no harm at the
 accuracy that noise leaves.
 """
 

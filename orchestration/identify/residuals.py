@@ -16,6 +16,11 @@ def rms(residual: ArrayLike) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
+def number(value: float) -> float | None:
+    """Return a figure as JSON has it: null where it is no number."""
+    return float(value) if np.isfinite(value) else None
+
+
 def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
     """Return ``||y - yhat|| / ||y - mean(y)||``: 0 is perfect, 1 is no better than the mean.
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import stat
 import zipfile
-import zlib
 from pathlib import Path, PurePosixPath
 from types import TracebackType
 from urllib.parse import unquote
 
 from fmus.kit import archive
 from fmus.kit.errors import UserError
+from orchestration.fmu_file import UNREADABLE
 
 from .names import DESCRIPTION
 
 LARGEST = 2**30  # bytes that an archive, or an FMU in it, may unpack to; ours are below a megabyte
 LARGEST_TEXT = 2**26  # bytes of an XML file
-_UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
 
 
 class Package:
@@ -82,7 +81,7 @@ class Package:
             return (self.path.parent / name).read_bytes() if self._zip is None else self._zip.read(name)
         except (KeyError, FileNotFoundError) as error:
             raise UserError(f"{self.path}: {name} is missing") from error
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise UserError(f"{self.path}: {name} cannot be read ({error})") from error
 
     def fmu(self, source: str, folder: Path) -> Path:
@@ -115,7 +114,7 @@ def _opened(path: Path, label: str) -> zipfile.ZipFile:
     """Open a zip archive after a look at what is in it."""
     try:
         opened = zipfile.ZipFile(path)
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         raise UserError(f"{label}: not a zip archive, or one that is cut off") from error
     try:
         total = 0
