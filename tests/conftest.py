@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers on two cores; before numpy is loaded
 
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,6 +44,15 @@ def runtime(request: pytest.FixtureRequest) -> str:
 def name(request: pytest.FixtureRequest) -> str:
     """Each component in turn."""
     return request.param
+
+
+@pytest.fixture
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder for temporary files, for this test alone."""
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 """Claims: any co-simulation FMU runs, its failures are one readable line, and nothing is left behind."""
 
 import gc
-import tempfile
 import zipfile
 from pathlib import Path
 
@@ -21,15 +20,6 @@ from orchestration.models import find_model
 from .kit_samples import Thermostat
 
 TIME = np.linspace(0.0, 30.0, 61)
-
-
-@pytest.fixture
-def scratch(tmp_path, monkeypatch):
-    """The folder for temporary files, for this test alone."""
-    folder = tmp_path / "scratch"
-    folder.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(folder))
-    return folder
 
 
 def edited(source, target, edit=lambda name, contents: (name, contents)):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import tempfile
 from contextlib import suppress
 
 import numpy as np
@@ -25,14 +24,6 @@ OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 @pytest.fixture(scope="module")
 def member(tmp_path_factory):
     return build_member(tmp_path_factory.mktemp("member"))
-
-
-@pytest.fixture
-def scratch(tmp_path, monkeypatch):
-    folder = tmp_path / "scratch"
-    folder.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(folder))
-    return folder
 
 
 def chain(fmu, **bad):
