@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,11 @@ from orchestration.discrepancy.evidence import Data, Evidence, Search
 from orchestration.discrepancy.regression import normal_inverse
 from orchestration.discrepancy.selection import Selection, select
 from orchestration.discrepancy.structure import Jump, Line, jumps, lines
+from orchestration.discrepancy.unseen import HELD_OUT, Unseen
 from orchestration.identify.grey_box import Estimate
-from orchestration.identify.residuals import Whiteness, normalised_rms, number, whiteness
+from orchestration.identify.residuals import Whiteness, number, whiteness
 
 Array = NDArray[np.float64]
-HELD_OUT = 1.0 / 3.0  # of the record, its end
 _DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
 _MATTERS = 0.02  # relative difference below which that is not worth a word
 _SHORTEST = 200  # samples to fit to
@@ -60,6 +60,10 @@ class Diagnosis:
         By output, of the best model where it was fitted.
     before, after : dict of str to float
         Normalised RMS error on the part held out, of the refitted base and of the best model, by output.
+    data : Data
+        What was fitted to.
+    unseen : Unseen
+        What was held out.
     notes : list of str
         What could not be judged, and why.
     """
@@ -71,6 +75,8 @@ class Diagnosis:
     left: dict[str, Left]
     before: dict[str, float]
     after: dict[str, float]
+    data: Data
+    unseen: Unseen
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -126,6 +132,7 @@ def diagnose(
     effects: Sequence[type[Effect]],
     fixed: Mapping[str, float] | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    holdout: Data | None = None,
 ) -> Diagnosis:
     """Tell what a model gets wrong on a record.
 
@@ -133,13 +140,15 @@ def diagnose(
     ----------
     cls : type[Component]
     data : Data
-        The record; its last third is held out.
+        The record.
     effects : sequence of type[Effect]
         The catalogue.
     fixed : Mapping of str to float, optional
         Values of parameters where the search starts.
     progress : callable
         Told what is being done.
+    holdout : Data, optional
+        Another record to judge by; without it the last third of the record is held out.
 
     Returns
     -------
@@ -150,27 +159,38 @@ def diagnose(
     UserError
         If the model cannot be simulated over the record.
     """
-    count = round(len(data.time) * (1.0 - HELD_OUT))
-    if count < _SHORTEST:
-        raise UserError(
-            f"{len(data.time)} samples are too few for a diagnosis; {round(_SHORTEST / (1 - HELD_OUT))} are the least"
-        )
-    first = Data(
-        data.time[:count],
-        {name: values[:count] for name, values in data.inputs.items()},
-        {name: values[:count] for name, values in data.measured.items()},
-    )
-    idle = not any(np.ptp(values[:count]) > 0.0 for values in data.inputs.values())
+    unseen = Unseen.end_of(data) if holdout is None else Unseen.another(holdout)
+    first = data.part(0, unseen.first) if holdout is None else data
+    if len(first.time) < _SHORTEST:
+        least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
+        raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
+    idle = not any(np.ptp(values) > 0.0 for values in first.inputs.values())
     search = Search(first, cls, searched(cls), fixed or {}, progress)
     found = Selection(search.nominal()) if idle else select(search, effects)
+    found, simulated, notes = _confirmed(found, unseen)
     estimates = _estimates(found.best)
     differing = _differing(found.best, search.parameters)
     left = {output: _left(found.best, output, first) for output in found.best.fitted.residual}
-    before, after = (_held_out(e, data, count) for e in (found.base, found.best))
-    notes = ["no input moves in this record: no effect can be told from another"] if idle else []
+    if idle:
+        notes.append("no input moves in this record: no effect can be told from another")
     notes += [f"{name} was not judged: {reason}" for name, reason in search.unjudged.items()]
     verdict = "ambiguous" if idle else _verdict(found, left, differing)
-    return Diagnosis(verdict, found, estimates, differing, left, before, after, notes)
+    before, after = unseen.errors(simulated[0]), unseen.errors(simulated[-1])
+    return Diagnosis(verdict, found, estimates, differing, left, before, after, first, unseen, notes)
+
+
+def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[dict[str, Array]], list[str]]:
+    """Keep the steps that make the simulation better where nothing was fitted; of each what is simulated there."""
+    models = [found.base, *(step.chosen for step in found.steps)]
+    simulated = [unseen.simulated(models[0])]
+    for k, richer in enumerate(models[1:]):
+        trial, noise = unseen.simulated(richer), richer.fitted.noise
+        if unseen.misfit(trial, noise) >= unseen.misfit(simulated[-1], noise):
+            dropped = ", ".join(label(model.candidate.effects[-1]) for model in models[k + 1 :])
+            note = f"{dropped}: fits what was fitted to better, but not the part held out, and is not claimed"
+            return replace(found, steps=found.steps[:k]), simulated, [note]
+        simulated.append(trial)
+    return found, simulated, []
 
 
 def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str]) -> str:
@@ -219,10 +239,3 @@ def _left(evidence: Evidence, output: str, data: Data) -> Left:
     time, inputs = data.time[present], {name: values[present] for name, values in data.inputs.items()}
     step = float(np.median(np.diff(data.time)))
     return Left(lines(residual, step), jumps(residual, time, inputs), whiteness(evidence.fitted.innovation[output]))
-
-
-def _held_out(evidence: Evidence, data: Data, count: int) -> dict[str, float]:
-    """Normalised RMS error behind the part that was fitted, the simulation running on from there."""
-    values = evidence.problem.start | evidence.fitted.values
-    signals = evidence.problem.model.run(data.time, data.inputs, values).signals
-    return {o: normalised_rms(data.measured[o][count:], signals[o][count:]) for o in evidence.problem.measured}

@@ -37,6 +37,12 @@ class Data:
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
 
+    def part(self, first: int, last: int) -> Data:
+        """Samples from one to before another."""
+        cut = slice(first, last)
+        inputs, measured = ({n: v[cut] for n, v in group.items()} for group in (self.inputs, self.measured))
+        return Data(self.time[cut], inputs, measured)
+
 
 @dataclass(frozen=True)
 class Evidence:
