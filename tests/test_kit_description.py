@@ -287,7 +287,8 @@ def test_builds_are_reproducible(runtime):
     cls = stack(fmus.component("ppy_actuator"), EFFECTS["quadratic_strain"])
     first, second = (build.build(cls, runtime, [toolchain.host_platform()]) for _ in range(2))
     assert first == second
-    other = build.build(cls, runtime, [toolchain.host_platform()], remark=", with a remark")
+    cls.remark = "A remark"
+    other = build.build(cls, runtime, [toolchain.host_platform()])
     guids = {fmpy.read_model_description(io.BytesIO(b)).guid for b in (first, other)}
     assert len(guids) == 2
 
@@ -355,20 +356,22 @@ class Outline(HTMLParser):
 @classes
 def test_documentation_is_one_page_with_every_variable(cls):
     outline = Outline()
-    outline.feed(page(cls, Path("none.md"), "a remark < here"))
+    outline.feed(page(cls, Path("none.md")))
     assert outline.open == []
     assert outline.loaded == []
     for v in cls.layout.variables:
         assert v.name in outline.cells
 
 
-def test_documentation_shows_the_readme(tmp_path):
+def test_documentation_shows_the_readme_and_the_remark(tmp_path, monkeypatch):
     readme = tmp_path / "README.md"
     readme.write_text("# Rooms\n\n| a | b |\n|---|---|\n| 1 | é |\n", encoding="utf-8")
-    text = page(Thermostat, readme, "with & without")
+    monkeypatch.setattr(Thermostat, "remark", "with & without\nand more")
+    text = page(Thermostat, readme)
     assert "<h1>Rooms</h1>" in text
     assert "<td>é</td>" in text
-    assert "with &amp; without" in text
+    assert "<li>with &amp; without</li><li>and more</li>" in text
+    assert read(Thermostat).description.endswith(". with & without. and more")
     assert page(Thermostat, readme) == page(Thermostat, readme)
 
 

@@ -55,7 +55,7 @@ class Plan:
     sources: dict[str, bytes]
 
 
-def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
+def plan(cls: type[Component], runtime: str) -> Plan:
     """Collect everything that goes into an FMU and derive its GUID from it.
 
     Parameters
@@ -64,8 +64,6 @@ def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
         A component, possibly with effects stacked on it.
     runtime : {"python", "native"}
         Laws interpreted by Python, or compiled from C.
-    remark : str
-        Added to the FMU's description.
 
     Raises
     ------
@@ -75,7 +73,7 @@ def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
     if runtime not in RUNTIMES:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(RUNTIMES)}")
     graph = trace(cls)
-    files = documents(cls, remark)
+    files = documents(cls)
     files |= _python_package(cls) if runtime == "python" else {}
     native = runtime == "native"
     can = Capabilities(
@@ -85,9 +83,9 @@ def plan(cls: type[Component], runtime: str, remark: str = "") -> Plan:
         sources=(_ALL,) if native else (),
     )
     unnamed = _sources(graph, runtime, _NO_GUID)
-    guid = _guid(files | unnamed | {"modelDescription.xml": describe(cls, graph, can, version(), _NO_GUID, remark)})
+    guid = _guid(files | unnamed | {"modelDescription.xml": describe(cls, graph, can, version(), _NO_GUID)})
     sources = _sources(graph, runtime, guid)
-    files["modelDescription.xml"] = describe(cls, graph, can, version(), guid, remark)
+    files["modelDescription.xml"] = describe(cls, graph, can, version(), guid)
     if native:
         files |= {f"sources/{name}": text for name, text in sources.items()}
     return Plan(cls.name, runtime, guid, files, sources)
@@ -97,14 +95,13 @@ def build(
     cls: type[Component],
     runtime: str,
     platforms: Sequence[str] | None = None,
-    remark: str = "",
     progress: Callable[[str], None] = lambda text: None,
 ) -> bytes:
     """Build an FMU.
 
     Parameters
     ----------
-    cls, runtime, remark
+    cls, runtime
         See :func:`plan`.
     platforms : sequence of str, optional
         FMI platforms to compile for; default is every platform that a compiler here can serve.
@@ -121,7 +118,7 @@ def build(
     UserError
         If no compiler is there, or a platform cannot be served.
     """
-    planned = plan(cls, runtime, remark)
+    planned = plan(cls, runtime)
     return archive.pack(planned.files | _binaries(planned, platforms or available_platforms(), progress))
 
 
@@ -206,7 +203,8 @@ def _python_package(cls: type[Component]) -> dict[str, bytes]:
     parts = {used: f"Part{n}" for n, used in enumerate(places)}
     imports += [f"from .{place} import {name} as {parts[used]}" for used, (place, name) in places.items()]
     stacked = ", ".join(_part(c, parts) for c in (base, *effects))
-    model = f"stack({stacked}, name={cls.name!r})" if effects else parts[base]
+    others = f", defaults={values!r}" if (values := vars(cls).get("stacked_with")) else ""
+    model = parts[base] if cls is base else f"stack({stacked}, name={cls.name!r}{others})"
     entry = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(sorted(imports))
     entry += f"\n\nMODEL = {model}\n\n\ndef create(memory):\n    return Slave(MODEL, memory)\n"
     files["__init__.py"] = entry.encode()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 from zlib import crc32
 
 from .declare import Declaration, Layout, Preset, arrange, check, take
-from .errors import UserError
+from .errors import UserError, suggestion
 
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
@@ -35,6 +36,8 @@ class Component:
         Name of the FMU; empty for abstract bases and effects.
     author, license : str
         For the FMU's description; left out where empty.
+    remark : str
+        What was made of it beyond its class, one statement to a line, for the FMU's description and documentation.
     tolerance : float
         Declared accuracy of the internal integration: local error per internal step, relative to
         ``nominal + |state|``.
@@ -47,6 +50,7 @@ class Component:
     name: ClassVar[str] = ""
     author: ClassVar[str] = ""
     license: ClassVar[str] = ""
+    remark: ClassVar[str] = ""
     experiment: ClassVar[tuple[float, float]] = (100.0, 0.1)
     tolerance: ClassVar[float] = 1e-8
     presets: ClassVar[Mapping[str, Preset]] = {}
@@ -132,7 +136,22 @@ def _owners(cls: type[Component]) -> dict[str, type]:
     return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
 
 
-def stack(base: type[Component], *effects: type[Effect], name: str | None = None) -> type[Component]:
+def _redeclared(prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float]) -> dict[str, Any]:
+    """Declare parameters anew with other defaults; the start value of a state is in the state's declaration."""
+    holders: dict[str, Any] = {p.name: p for part in parts for p in part.layout.parameters}
+    holders |= {f"{s.name}_start": s for part in parts for s in (*part.layout.states, *part.layout.discretes)}
+    for name in defaults:
+        if name not in holders:
+            raise UserError(f"{prefix}: no parameter named {name!r}{suggestion(name, holders)}")
+    return {holders[name].name: replace(holders[name], start=value) for name, value in defaults.items()}
+
+
+def stack(
+    base: type[Component],
+    *effects: type[Effect],
+    name: str | None = None,
+    defaults: Mapping[str, float] | None = None,
+) -> type[Component]:
     """Lay effects over a component; later effects see the laws of earlier ones through ``super()``.
 
     Parameters
@@ -143,6 +162,8 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
         Effects, innermost first.
     name : str, optional
         FMU name of the result; default joins the ids, with the output that an effect is of, as far as a file name goes.
+    defaults : Mapping of str to float, optional
+        Values of parameters that replace their defaults, start values too, SI. Those of the base stay otherwise.
 
     Returns
     -------
@@ -152,10 +173,11 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
     ------
     UserError
         If two effects have the same id and output, two classes declare a variable of the same name, or there is no
-        such output.
+        such output, or a default is of no parameter or out of its range.
     """
-    prefix = base.name
+    prefix, remark = base.name, base.remark
     name = name or _joined([prefix, *map(_label, effects)])
+    values = {**vars(base).get("stacked_with", {}), **(defaults or {})}
     base, earlier = vars(base).get("stacked", (base, ()))
     effects = (*earlier, *effects)
     ids = [_label(e) for e in effects]
@@ -173,8 +195,6 @@ def stack(base: type[Component], *effects: type[Effect], name: str | None = None
         if effect.output and effect.output not in outputs:
             raise UserError(f"{prefix}: {effect.id} is of {effect.output!r}, which is none of its outputs")
     title = "".join(e.__name__ for e in reversed(effects)) + base.__name__
-    return type(
-        title,
-        (*reversed(effects), base),
-        {"name": name, "__doc__": base.__doc__, "__module__": base.__module__, "stacked": (base, effects)},
-    )
+    about = {"name": name, "remark": remark, "__doc__": base.__doc__, "__module__": base.__module__}
+    made = {"stacked": (base, effects), "stacked_with": values}
+    return type(title, (*reversed(effects), base), about | made | _redeclared(prefix, (base, *effects), values))

@@ -14,21 +14,19 @@ from .parameters import to_ssv
 _LICENCES = Path(__file__).parent / "licences"
 
 
-def documents(cls: type[Component], remark: str) -> dict[str, bytes]:
+def documents(cls: type[Component]) -> dict[str, bytes]:
     """Collect what stands beside the component's class, by its path in the archive.
 
     Parameters
     ----------
     cls : type[Component]
-    remark : str
-        Added to the documentation, for what was built beyond the class itself.
 
     Returns
     -------
     dict of str to bytes
     """
     folder = _folder(cls)
-    files = {"documentation/index.html": page(cls, folder / "README.md", remark).encode()}
+    files = {"documentation/index.html": page(cls, folder / "README.md").encode()}
     for licence in sorted(_LICENCES.iterdir()):
         files[f"documentation/licenses/{licence.name}"] = licence.read_bytes()
     icon = folder / "model.png"

@@ -58,7 +58,7 @@ class Capabilities:
     sources: tuple[str, ...] = ()
 
 
-def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str, guid: str, remark: str = "") -> bytes:
+def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str, guid: str) -> bytes:
     """Write ``modelDescription.xml``.
 
     Parameters
@@ -70,8 +70,6 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     version : str
         Version of this package.
     guid : str
-    remark : str
-        Added to the description, for what was built beyond the class itself.
 
     Returns
     -------
@@ -79,8 +77,9 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
         UTF-8 XML.
     """
     summary = (cls.__doc__ or "").strip().split("\n")[0].rstrip(".")
+    text = ". ".join([summary, *cls.remark.splitlines()])
     root = Element(
-        "fmiModelDescription", fmiVersion="2.0", modelName=cls.name, guid=guid, description=summary + remark,
+        "fmiModelDescription", fmiVersion="2.0", modelName=cls.name, guid=guid, description=text,
         version=version, generationTool=f"ppy-rig {version}", variableNamingConvention="structured",
     )  # fmt: skip
     root.attrib |= _origin(cls)

@@ -22,7 +22,7 @@ th { background: #eef3f7 } img { max-width: 100% } td.number { text-align: right
 """
 
 
-def page(cls: type[Component], readme: Path, remark: str = "") -> str:
+def page(cls: type[Component], readme: Path) -> str:
     """Make the page.
 
     Parameters
@@ -30,8 +30,6 @@ def page(cls: type[Component], readme: Path, remark: str = "") -> str:
     cls : type[Component]
     readme : Path
         Markdown, the component's README.
-    remark : str
-        Added below the text, for what was built beyond the class itself.
 
     Returns
     -------
@@ -51,7 +49,8 @@ def page(cls: type[Component], readme: Path, remark: str = "") -> str:
         "States": (*layout.states, *layout.discretes),
     }
     tables = "".join(_table(title, rows) for title, rows in sections.items() if rows)
-    note = f"<p>{html.escape(remark)}</p>" if remark else ""
+    remarks = "".join(f"<li>{html.escape(line)}</li>" for line in cls.remark.splitlines())
+    note = f"<h2>What was made of it</h2><ul>{remarks}</ul>" if remarks else ""
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{cls.name}</title>'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'

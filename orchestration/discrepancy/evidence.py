@@ -1,8 +1,10 @@
-"""Which candidate explains the record best: scores of all at the base model, then fits of the promising ones."""
+"""Which candidate explains the record best: leads of all at the base model, scored over any, then fits of the best."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,13 +15,11 @@ from scipy.stats import chi2
 from fmus.kit import Component, Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidate import Candidate, label, own_parameters
+from orchestration.discrepancy.leads import Lead, innovations, leads, score
 from orchestration.discrepancy.regression import Fitted, fit, normal_inverse
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
-GRID = (0.2, 1.0, 5.0)  # times the default of an effect's second parameter, where its score is looked at
-PROMISING = 8  # candidates that are fitted
-_FLAT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,7 @@ class Search:
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
     unjudged: dict[str, str] = field(default_factory=dict)
+    _seen: dict[type[Effect], tuple[Problem, list[Lead]]] = field(default_factory=dict, init=False)
 
     def nominal(self) -> Evidence:
         """Fit the model without effects."""
@@ -101,24 +102,38 @@ class Search:
         problem = self._problem(candidate)
         return Evidence(candidate, problem, self._fit(problem, problem.position(problem.start), None))
 
+    def look(self, below: Evidence, effects: Sequence[type[Effect]]) -> None:
+        """Find where every effect would move a fitted model; kept, for what is laid over it later too."""
+
+        def one(effect: type[Effect]) -> None:
+            candidate = below.candidate.with_effect(effect)
+            self.progress(f"looking at {label(effect)}")
+            try:
+                problem = self._searching(candidate, own_parameters(effect), {**self.fixed, **below.fitted.values})
+                self._seen[effect] = problem, leads(problem, effect)
+            except UserError as error:
+                self.unjudged[label(effect)] = str(error)
+
+        side_by_side(one, effects)
+
     def scores(
         self, below: Evidence, effects: Sequence[type[Effect]]
     ) -> list[tuple[float, type[Effect], dict[str, float]]]:
-        """Score of every effect over a fitted model, the best first, with a point to start its fit from.
+        """Score every effect over a fitted model, the best first, with a point to start its fit from."""
+        fitted = below.fitted
+        left = np.concatenate([fitted.innovation[o] for o in fitted.noise])
+        whiten = innovations(fitted.noise, below.problem.present)
+        project = _projection(fitted.jacobian)
 
-        The score is what the cost would fall by if the effect were small and everything linear (Rao's test): one
-        simulation at the neutral value for each value of a second parameter.
-        """
-        found, project = [], _projection(below.fitted.jacobian)
-        for effect in effects:
-            self.progress(f"looking at {effect.id}")
-            try:
-                score, start = self._score(below, project, below.candidate.with_effect(effect), own_parameters(effect))
-            except UserError as error:
-                self.unjudged[label(effect)] = str(error)
-                continue
-            found.append((score, effect, start))
-        return sorted(found, key=lambda row: -row[0])
+        def best(effect: type[Effect]) -> tuple[float, dict[str, float]]:
+            problem, found = self._seen[effect]
+            scored = [score(lead, left, whiten, project, problem, own_parameters(effect)[0]) for lead in found]
+            return max(scored, key=lambda row: row[0], default=(0.0, {}))
+
+        looked = [effect for effect in effects if effect in self._seen]
+        found = side_by_side(best, looked)
+        ranked = [(fall, effect, start) for effect, (fall, start) in zip(looked, found, strict=True)]
+        return sorted(ranked, key=lambda row: -row[0])
 
     def extended(self, below: Evidence, effect: type[Effect], start: Mapping[str, float]) -> Evidence:
         """Fit a model with one more effect."""
@@ -138,46 +153,18 @@ class Search:
     def _searching(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         return Problem(candidate.cls, self.data.time, self.data.inputs, self.data.measured, names, fixed)
 
-    def _score(
-        self, below: Evidence, project: Callable[[Array], Array], candidate: Candidate, own: Sequence[str]
-    ) -> tuple[float, dict[str, float]]:
-        switch, *others = own
-        fitted = below.fitted
-        problem = self._searching(candidate, own, {**self.fixed, **fitted.values})  # no other derivatives are needed
-        at = problem.names.index(switch)
-        left = np.concatenate([fitted.innovation[o] for o in fitted.innovation])
-        best, where = -1.0, dict[str, float]()
-        for values in _grid(others, problem.declared):
-            q = problem.position(problem.start | values)
-            jacobian = problem.evaluate(q)[1]
-            column = np.concatenate([fitted.noise[o].whiten(j[:, at], problem.present[o]) for o, j in jacobian.items()])
-            new = column - project(column)
-            power = float(new @ new)
-            if power <= _FLAT * float(column @ column):
-                continue
-            step = -float(new @ left) / power
-            declared = problem.declared[switch]
-            scale = problem.scales[at]
-            value = float(np.clip(scale.value(step + scale.position(declared.start)), declared.min, declared.max))
-            score = float(new @ left) ** 2 / power
-            if value == declared.start:
-                score = 0.0  # it would have to be on the other side of its range
-            if score > best:
-                best, where = score, values | {switch: value}
-        return best, where
+
+def side_by_side(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+    """Do the same with each of several things, on all processors: simulations and compilers hold no other up."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        try:
+            return list(pool.map(work, items))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def _projection(jacobian: Array) -> Callable[[Array], Array]:
     """Return the projection onto the columns of a Jacobian, by its normal equations."""
     seen, inverse = normal_inverse(jacobian)
     return lambda column: jacobian[:, seen] @ (inverse @ (jacobian[:, seen].T @ column))
-
-
-def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:
-    """Points at which an effect's score is looked at: its second parameters at some multiples of their defaults."""
-    points = [dict[str, float]()]
-    for name in names:
-        p = declared[name]
-        values = sorted({float(np.clip(p.start * factor, p.min, p.max)) for factor in GRID})
-        points = [point | {name: value} for point in points for value in values]
-    return points

@@ -8,11 +8,15 @@ from dataclasses import dataclass, field
 from fmus.kit import Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidate import label
-from orchestration.discrepancy.evidence import PROMISING, Evidence, Search
+from orchestration.discrepancy.evidence import Evidence, Search, side_by_side
 
 ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
 RIVAL = 6.0  # within which another candidate counts as not told apart
 MOST = 3  # effects that are looked for
+WORTH = 5.0  # fall of the cost, were everything linear, below which a fit cannot come to what is accepted
+PROMISING = 8  # candidates that are fitted, if they score
+AT_ONCE = 2
+HOPELESS = 0.1  # of what another has gained already
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,7 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
     Selection
     """
     base = search.nominal()
+    search.look(base, effects)
     found = Selection(base, tried=len(effects))
     left = list(effects)
     while len(found.steps) < MOST:
@@ -99,12 +104,21 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
 
 def _fitted(search: Search, below: Evidence, effects: Sequence[type[Effect]]) -> list[tuple[Evidence, float]]:
     """Promising effects over a model, fitted, the best first."""
-    result = []
-    for _, effect, start in search.scores(below, effects)[:PROMISING]:
-        try:
-            evidence = search.extended(below, effect, start)
-        except UserError as error:
-            search.unjudged[label(effect)] = str(error)
-            continue
-        result.append((evidence, evidence.over(below, len(effects))))
+    result: list[tuple[Evidence, float]] = []
+    promising = [row for row in search.scores(below, effects) if row[0] > WORTH][:PROMISING]
+    while promising:
+        # what the best of them gains tells which of the others still has a chance
+        batch, promising = promising[:AT_ONCE], promising[AT_ONCE:]
+        fits = side_by_side(lambda row: _tried(search, below, row[1], row[2]), batch)
+        result += [(found, found.over(below, len(effects))) for found in fits if found]
+        gained = max((below.fitted.deviance - e.fitted.deviance for e, _ in result), default=0.0)
+        promising = [row for row in promising if row[0] > HOPELESS * gained]
     return sorted(result, key=lambda row: -row[1])
+
+
+def _tried(search: Search, below: Evidence, effect: type[Effect], start: dict[str, float]) -> Evidence | None:
+    try:
+        return search.extended(below, effect, start)
+    except UserError as error:
+        search.unjudged[label(effect)] = str(error)
+        return None

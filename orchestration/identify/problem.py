@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit import Component
-from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError
+from orchestration.identify.delayed import DelayedModel
 
 Array = NDArray[np.float64]
 _EFFORT = 2000  # internal steps per sample: beyond, a search has strayed to parameters that make the model stiff
@@ -80,7 +80,7 @@ class Problem:
         self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
         names: Sequence[str], fixed: Mapping[str, float],
     ):  # fmt: skip
-        self.model = CompiledModel(cls, names)
+        self.model = DelayedModel(cls, names)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
         for name in names:
             if self.declared[name].type != "real":

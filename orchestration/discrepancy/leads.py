@@ -1,0 +1,145 @@
+"""Leads: in which direction an effect would move the simulation, found without fitting anything.
+
+At the fitted base model an effect is looked at at its neutral value, where the simulation gives the exact derivative
+by its switch, and, because some do nothing until they are large, at a few other values, where it gives a difference.
+Second parameters, such as time constants, are looked at on a small grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import Effect
+from fmus.kit.errors import UserError
+from fmus.kit.sensors import transport_delay
+from orchestration.discrepancy.candidate import own_parameters
+from orchestration.discrepancy.noise import Noise
+from orchestration.identify.problem import Problem
+
+Array = NDArray[np.float64]
+Innovate = Callable[[Mapping[str, Array]], Array]
+GRID = (0.2, 1.0, 5.0)  # times the default of a second parameter
+SWITCHED = (1.0, 4.0, 16.0)  # times the nominal value of a switch, where differences are taken
+_DELAYS = 16  # looked at: a delay shows a step of an input another sample later, which is no smooth function of it
+_TWICE = 3.0  # how many times smaller or larger than the difference an effect may be for it to tell of it
+_FLAT = 1e-10
+
+
+@dataclass(frozen=True)
+class Lead:
+    """What an effect would do to every output.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        Its parameters, SI; the switch is where the derivative was taken, or where the difference ends.
+    columns : dict of str to ndarray, shape (m,)
+        Derivative by the searched coordinate of the switch, or difference; where the output was measured.
+    local : bool
+        Whether it is the derivative.
+    """
+
+    values: dict[str, float]
+    columns: dict[str, Array]
+    local: bool
+
+
+def leads(problem: Problem, effect: type[Effect]) -> list[Lead]:
+    """Look at an effect.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of the model with the effect, its start being the fitted base; searched is what the effect brings.
+    effect : type[Effect]
+
+    Returns
+    -------
+    list of Lead
+    """
+    switch, *others = own_parameters(effect)
+    at, declared = problem.names.index(switch), problem.declared
+    neutral = declared[switch].start
+    found = []
+    for second in _grid(others, declared):
+        base, slopes = problem.evaluate(problem.position(problem.start | second))
+        local = {output: slope[:, at].copy() for output, slope in slopes.items()}
+        if any(column.any() for column in local.values()):
+            found.append(Lead(second | {switch: neutral}, local, True))
+        for value in _trials(effect, declared[switch], problem.time):
+            try:
+                moved, _ = problem.evaluate(problem.position(problem.start | second | {switch: value}))
+            except UserError:  # too much of it for a simulation
+                continue
+            found.append(Lead(second | {switch: value}, {o: moved[o] - base[o] for o in base}, False))
+    return found
+
+
+def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
+    """Values of a switch at which a difference is taken, within its range."""
+    if getattr(effect, "made_by", None) is transport_delay:
+        step, most = float(np.median(np.diff(time))), switch.max
+        samples = np.unique(np.round(np.expm1(np.linspace(0.0, np.log1p(most / step - 0.5), _DELAYS))))
+        return [float(k + 0.5) * step for k in samples if (k + 0.5) * step <= most] or [most]
+    if switch.start > switch.min:  # it goes both ways and is seen at its neutral value
+        return []
+    return sorted({float(min(switch.start + factor * switch.nominal, switch.max)) for factor in SWITCHED})
+
+
+def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:
+    """Points of the second parameters: each at some multiples of its default."""
+    choices = [
+        sorted({float(np.clip(declared[n].start * factor, declared[n].min, declared[n].max)) for factor in GRID})
+        for n in names
+    ]
+    return [dict(zip(names, point, strict=True)) for point in product(*choices)]
+
+
+def innovations(noise: Mapping[str, Noise], present: Mapping[str, NDArray[np.bool_]]) -> Innovate:
+    """Return the function that whitens changes of all outputs and puts them behind each other."""
+    return lambda columns: np.concatenate([n.whiten(columns[o], present[o]) for o, n in noise.items()])
+
+
+def score(
+    lead: Lead, left: Array, whiten: Innovate, project: Callable[[Array], Array], problem: Problem, switch: str
+) -> tuple[float, dict[str, float]]:
+    """Tell by how much the cost would fall if everything were linear (Rao's test), and where to start a fit.
+
+    Parameters
+    ----------
+    lead : Lead
+    left : ndarray, shape (m,)
+        Innovations of the model that the effect is laid over.
+    whiten : callable
+        From changes of the outputs to changes of the innovations.
+    project : callable
+        Onto what the parameters of that model can do.
+    problem : Problem
+        That the lead was found with.
+    switch : str
+
+    Returns
+    -------
+    fall : float
+    start : dict of str to float
+        Parameters of the effect.
+    """
+    column = whiten(lead.columns)
+    new = column - project(column)
+    power = float(new @ new)
+    if power <= _FLAT * float(column @ column):
+        return 0.0, lead.values
+    size = -float(new @ left) / power
+    if not lead.local:
+        size = float(np.clip(size, 1.0 / _TWICE, _TWICE))
+        return max(0.0, -size * (2.0 * float(new @ left) + size * power)), lead.values
+    declared, scale = problem.declared[switch], problem.scales[problem.names.index(switch)]
+    value = float(np.clip(scale.value(size + scale.position(declared.start)), declared.min, declared.max))
+    # zero if it would have to be on the other side of its range
+    return (size**2 * power if value != declared.start else 0.0), lead.values | {switch: value}

@@ -1,0 +1,360 @@
+"""The experiment that would tell rivals apart: stimuli within the limits of a rig, and the evidence to expect of each.
+
+Each input has a menu of shapes between its limits. From the broadest excitation on, the shape of one input after the
+other is exchanged for the one that raises the least evidence over all pairs of rivals, either of them being true; the
+best few are then judged with the wrong model refitted for good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+from orchestration import stimuli
+from orchestration.discrepancy.candidate import label
+from orchestration.discrepancy.evidence import Data, Evidence
+from orchestration.discrepancy.expected import Response, at_rest, linearised, refitted, respond
+from orchestration.discrepancy.selection import Selection
+from orchestration.discrepancy.unseen import HELD_OUT
+
+Array = NDArray[np.float64]
+Limits = Mapping[str, tuple[float, float]]
+ENOUGH = 10.0  # fall of BIC below which an experiment is not worth its time
+_ROUNDS = 2  # of exchanging the shape of every input
+_JUDGED = 3  # experiments that are judged for good
+_STAYS = (600.0, 120.0, 25.0)  # shortest stays, as shares of the duration: what answers at once, what creeps
+_AMOUNTS = ("value", "levels", "initial")  # keys with the unit of the input
+_SHAPES: dict[str, Callable[..., Array]] = {
+    "constant": lambda time, value: np.full(time.size, value),
+    "multilevel": lambda time, levels, dwell, seed: stimuli.multilevel(time, levels, dwell, seed),
+    "ramps": lambda time, times, levels: stimuli.ramps(time, times, levels),
+    "steps": lambda time, times, levels, initial: stimuli.steps(time, times, levels, initial),
+}
+
+
+@dataclass(frozen=True)
+class Stimulus:
+    """What one input gets, as the table of an experiment says it.
+
+    Attributes
+    ----------
+    kind : str
+    keys : dict
+        SI.
+    """
+
+    kind: str
+    keys: dict[str, Any]
+
+    def values(self, time: Array) -> Array:
+        """Signal over time (n,), SI."""
+        return _SHAPES[self.kind](time, **self.keys)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Evidence to expect of an experiment.
+
+    Attributes
+    ----------
+    right, wrong : str
+        Effects.
+    bic : float
+        Expected fall of BIC in favour of the right one, if it is true and the other is refitted.
+    """
+
+    right: str
+    wrong: str
+    bic: float
+
+
+@dataclass(frozen=True)
+class Separation:
+    """An experiment that should tell rivals apart.
+
+    Attributes
+    ----------
+    stimuli : dict of str to Stimulus
+        By input.
+    duration, step : float
+        Seconds.
+    expected : list of Expected
+        Of every ordered pair of rivals; empty if nothing was found yet that could be told apart.
+    model : Evidence
+        One of the rivals, for a simulation of the experiment.
+    limits : dict of str to tuple of float
+        That were kept, by input, SI.
+    """
+
+    stimuli: dict[str, Stimulus]
+    duration: float
+    step: float
+    expected: list[Expected]
+    model: Evidence
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def least(self) -> float:
+        """Evidence to expect for the pair that is the hardest to tell apart."""
+        return min((e.bic for e in self.expected), default=float("nan"))
+
+    @property
+    def separates(self) -> bool:
+        """Whether the experiment is worth making."""
+        return not self.least < ENOUGH
+
+    def as_json(self) -> dict[str, Any]:
+        """Figures and stimuli."""
+        return {
+            "duration": self.duration, "step": self.step, "separates": self.separates,
+            "inputs": {name: {"kind": s.kind, **s.keys} for name, s in self.stimuli.items()},
+            "expected": [{"right": e.right, "wrong": e.wrong, "delta_bic": e.bic} for e in self.expected],
+        }  # fmt: skip
+
+    def sentence(self) -> str:
+        """What is to be done, in one sentence."""
+        if not self.expected:
+            return "An experiment in which every input moves tells what can be told."
+        hardest = min(self.expected, key=lambda e: e.bic)
+        pair = f"{hardest.right} and {hardest.wrong}"
+        if self.separates:
+            return f"The experiment should tell {pair} apart: BIC would fall by {hardest.bic:.0f} or more."
+        return (
+            f"No experiment within these limits that was looked at tells {pair} apart: BIC would fall by "
+            f"{max(hardest.bic, 0.0):.1f} only."
+        )
+
+    def toml(self, component: str, title: str = "") -> str:
+        """Write the experiment.
+
+        Parameters
+        ----------
+        component : str
+            As ``ppy run`` finds it.
+        title : str
+
+        Returns
+        -------
+        str
+            It runs as it is, on the model of one of the rivals, as far as physics goes: effects of a measurement
+            cannot be laid over a component in an experiment and are left out.
+        """
+        declared = {v.name: v.unit for v in self.model.candidate.cls.layout.inputs}
+        limits = "; ".join(f"{n} {low:g} to {high:g} {declared[n]}" for n, (low, high) in self.limits.items())
+        lines = [f"# {self.sentence()}", f"# Limits kept: {limits}.", *self._comments()]
+        physics = [effect for effect in self.model.candidate.effects if not effect.output]
+        lines += [f"title = {_text(title or self.sentence())}", f"component = {_text(component)}"]
+        lines += [f"effects = {_value([effect.id for effect in physics])}"] if physics else []
+        lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
+        lines += [f"record = {_value(list(self.model.fitted.residual))}", "", "[parameters]"]
+        shown = {p.name for effect in self.model.candidate.effects if effect.output for p in effect.layout.parameters}
+        lines += [
+            f"{name} = {value!r}" for name, value in self.model.fitted.values.items()
+            if name not in shown and not name.endswith("_start")
+        ]  # fmt: skip
+        for name, stimulus in self.stimuli.items():
+            lines += ["", f"[inputs.{name}]", f"kind = {_text(stimulus.kind)}"]
+            for key, value in stimulus.keys.items():
+                unit = declared[name] if key in _AMOUNTS else ""
+                lines.append(f"{key} = {_value(value, unit)}")
+        return "\n".join(lines) + "\n"
+
+    def _comments(self) -> list[str]:
+        if not self.expected:
+            return []
+        head = "# Expected fall of BIC in the diagnosis, which fits to the first two thirds:"
+        rows = [f"#   if {e.right} is right, against {e.wrong} refitted: {e.bic:.1f}" for e in self.expected]
+        return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence."]
+
+
+def design(
+    found: Selection,
+    data: Data,
+    limits: Limits | None = None,
+    highest: float = np.inf,
+    duration: float | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Separation:
+    """Design an experiment that tells rivals apart.
+
+    Parameters
+    ----------
+    found : Selection
+        Whose steps have rivals; without any, every input is moved and nothing is expected of it.
+    data : Data
+        The whole record: its sampling and, unless given, its duration are those of the experiment.
+    limits : Mapping of str to tuple of float, optional
+        Of the rig by input, SI. Without them those that the component declares, and where it declares none what the
+        record shows.
+    highest : float
+        Frequency, in Hz, above which nothing may be in a stimulus: no stay is shorter than half its period.
+    duration : float, optional
+        Seconds.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    Separation
+
+    Raises
+    ------
+    UserError
+        If a limit is of no input, or leaves nothing, or no stimulus can be simulated.
+    """
+    step = float(np.median(np.diff(data.time)))
+    length = float(data.time[-1] - data.time[0]) if duration is None else duration
+    length = round(length / step) * step
+    within = _within(found.base, data, limits or {})
+    shortest = max(2.0 * step, 0.5 / highest)
+    layout = {v.name: v for v in found.base.candidate.cls.layout.inputs}
+    menus = {
+        name: _menu(*ends, float(np.clip(layout[name].start, *ends)), length, step, shortest, seed)
+        for seed, (name, ends) in enumerate(within.items(), start=1)
+    }
+    broad = {name: menu[0] for name, menu in menus.items()}
+    groups = [[s.chosen, *s.rivals] for s in found.steps if s.rivals]
+    if not groups:
+        return Separation(broad, length, step, [], found.best, within)
+    time = np.arange(round((1.0 - HELD_OUT) * length / step) + 1, dtype=float) * step  # what a diagnosis fits to
+    look = _Look(groups, time, progress)
+    look.at(broad)
+    chosen = broad
+    for _ in range(_ROUNDS):
+        before = chosen
+        for name, menu in menus.items():
+            chosen = max(({**chosen, name: stimulus} for stimulus in menu), key=look.at)
+        if chosen == before:
+            break
+    best, expected = look.judged()
+    return Separation(best, length, step, expected, groups[0][0], within)
+
+
+class _Look:
+    """Experiments that were looked at, and what each makes one expect."""
+
+    def __init__(self, groups: Sequence[Sequence[Evidence]], time: Array, progress: Callable[[str], None]):
+        self.pairs = [pair for group in groups for pair in permutations(group, 2)]
+        models = {id(model): model for group in groups for model in group}
+        self.starts = {key: (model, at_rest(model)) for key, model in models.items()}
+        self.time, self.progress = time, progress
+        self.seen: list[tuple[float, dict[str, Stimulus]]] = []
+
+    def at(self, chosen: dict[str, Stimulus]) -> float:
+        """Return the least evidence over all pairs, as far as they are linear; none where a simulation fails."""
+        for least, seen in self.seen:
+            if seen == chosen:
+                return least
+        self.progress(f"looking at {', '.join(f'{s.kind} {n}' for n, s in chosen.items())}")
+        try:
+            responses = self._responses(chosen)
+            least = min(linearised(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
+        except UserError:
+            least = -np.inf
+        self.seen.append((least, chosen))
+        return least
+
+    def judged(self) -> tuple[dict[str, Stimulus], list[Expected]]:
+        """Return the best experiment with the wrong model refitted for good, and what is to be expected of it."""
+        found = []
+        for least, chosen in sorted(self.seen, key=lambda row: -row[0])[:_JUDGED]:
+            if least == -np.inf:
+                continue
+            self.progress("refitting rivals over a designed experiment")
+            responses = self._responses(chosen)
+            inputs = self._inputs(chosen)
+            expected = [
+                Expected(_name(a), _name(b),
+                         refitted(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]))
+                for a, b in self.pairs
+            ]  # fmt: skip
+            found.append((min(e.bic for e in expected), chosen, expected))
+        if not found:
+            raise UserError("the rivals cannot be simulated over any stimulus within these limits")
+        _, chosen, expected = max(found, key=lambda row: row[0])
+        return chosen, expected
+
+    def _inputs(self, chosen: Mapping[str, Stimulus]) -> dict[str, Array]:
+        return {name: stimulus.values(self.time) for name, stimulus in chosen.items()}
+
+    def _responses(self, chosen: Mapping[str, Stimulus]) -> dict[int, Response]:
+        inputs = self._inputs(chosen)
+        return {key: respond(model, self.time, inputs, q) for key, (model, q) in self.starts.items()}
+
+
+def _name(model: Evidence) -> str:
+    return label(model.candidate.effects[-1])
+
+
+def _within(base: Evidence, data: Data, limits: Limits) -> dict[str, tuple[float, float]]:
+    """Limits of every real input: given and declared ones, else what the record shows."""
+    declared = {v.name: v for v in base.candidate.cls.layout.inputs}
+    for name in limits:
+        if name not in declared:
+            raise UserError(f"limits of {name}: there is no such input; there are {', '.join(declared)}")
+    found = {}
+    for name, v in declared.items():
+        if v.type != "real":
+            continue
+        shown = np.asarray(data.inputs.get(name, v.start), dtype=float)
+        given = limits.get(name, (v.min, v.max))
+        low, high = max(given[0], v.min), min(given[1], v.max)
+        low = low if np.isfinite(low) else float(shown.min())
+        high = high if np.isfinite(high) else float(shown.max())
+        if low > high:
+            raise UserError(f"limits of {name}: {low:g} to {high:g} {v.unit} leaves nothing")
+        found[name] = (low, high)
+    return found
+
+
+def _menu(
+    low: float, high: float, rest: float, duration: float, step: float, shortest: float, seed: int
+) -> list[Stimulus]:
+    """Shapes between two limits, the broadest excitation first."""
+    if low == high:
+        return [Stimulus("constant", {"value": low})]
+
+    def levels(a: float, b: float, count: int = 5) -> list[float]:
+        return [float(np.clip(float(f"{x:.4g}"), low, high)) for x in np.linspace(a, b, count)]
+
+    def grid(*shares: float) -> list[float]:
+        return [round(float(round(share * duration / step) * step), 9) for share in shares]
+
+    stays = [round(max(shortest, duration / share), 6) for share in _STAYS]
+    fast, medium, slow = ([stay, 4.0 * stay] for stay in stays)
+    middle, quarter = 0.5 * (low + high), 0.25 * (high - low)
+    ends = np.clip([rest - quarter, rest + quarter], low, high)
+    kinds = [
+        *({"levels": levels(low, high), "dwell": dwell} for dwell in (medium, fast, slow)),
+        *({"levels": levels(middle, high, 4), "dwell": dwell} for dwell in (medium, slow)),  # about a bias
+        *({"levels": levels(*ends), "dwell": dwell} for dwell in (medium,)),  # small
+    ]
+    ramp = grid(*np.linspace(0.0, 1.0, 9))
+    pulse = grid(*np.linspace(0.02, 0.98, 17)[:-1])
+    active = [(low, high)[k % 2] if k // 4 % 2 == 0 else rest for k in range(len(pulse))]  # with pauses
+    return [
+        *(Stimulus("multilevel", {**kind, "seed": seed}) for kind in kinds),
+        Stimulus("ramps", {"times": ramp, "levels": [(rest, high, rest, low)[k % 4] for k in range(len(ramp))]}),
+        Stimulus("steps", {"times": pulse, "levels": active, "initial": rest}),
+        *(Stimulus("constant", {"value": value}) for value in dict.fromkeys((rest, middle, high))),
+    ]
+
+
+def _text(value: str) -> str:
+    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _value(value: Any, unit: str = "") -> str:
+    """Write a value of the experiment's file: a number, with its unit a text; several of them in a list."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(v, unit) for v in value)}]"
+    if isinstance(value, str):
+        return _text(value)
+    return _text(f"{value!r} {unit}") if unit and unit != "1" else repr(value)

@@ -1,0 +1,128 @@
+"""Slow structure that whitening swallows: whether a residual wanders beneath noise of short memory.
+
+The periodogram of the residual is held against two models of it (Whittle's likelihood, Ark. Mat. 2, 1953): a mixture of
+white and coloured noise that forgets within some tens of samples, and the same with a random walk and an integrated
+random walk added. Both are sums of known spectra with positive weights, which iteratively reweighted non-negative least
+squares finds. What a fit has absorbed of slow noise only makes the second model needed less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.stats import chi2
+
+Array = NDArray[np.float64]
+ALARM = 1e-4  # probability in noise; where a residual wanders by its own size it is smaller by many orders of magnitude
+_COLOURS = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95)  # lag-one correlations; the longest memory is 20 samples
+_INTEGRATIONS = (1, 2)
+_SINGLE = 32  # lowest frequencies that are looked at one by one; the others in groups, equally many in an octave
+_GROUPS = 120
+_SHORTEST = 100  # samples
+_PASSES = 60
+
+
+@dataclass(frozen=True)
+class Slow:
+    """Whether a residual wanders.
+
+    Attributes
+    ----------
+    ratio : float
+        Twice the logarithm of the likelihood ratio of noise that wanders to noise that does not.
+    p_value : float
+        Of such a ratio without any wandering.
+    rms : float
+        Of the slow part, in the unit of the residual.
+    path : ndarray, shape (n,)
+        The slow part, the best estimate of it (Wiener's filter).
+    """
+
+    ratio: float
+    p_value: float
+    rms: float
+    path: Array
+
+    @property
+    def significant(self) -> bool:
+        """Whether it wanders beyond doubt."""
+        return self.p_value < ALARM
+
+
+def slow(residual: Array) -> Slow:
+    """Look for a slow part in a residual.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        Equally spaced; short gaps may have been left out.
+
+    Returns
+    -------
+    Slow
+    """
+    n = residual.size
+    nothing = Slow(0.0, 1.0, 0.0, np.zeros(n))
+    centred = residual - residual.mean() if n else residual
+    size = float(np.mean(centred**2)) if n else 0.0
+    if n < _SHORTEST or not size > 0.0:
+        return nothing
+    transform = np.fft.rfft(centred)
+    angle = 2.0 * np.pi * np.arange(transform.size) / n
+    angle[0] = angle[1]  # the mean was taken out
+    turn = np.exp(-1j * angle)
+    fast = np.array([(1.0 - c * c) / np.abs(1.0 - c * turn) ** 2 for c in _COLOURS])
+    wandering = np.array([np.abs((1.0 - turn[1]) / (1.0 - turn)) ** (2 * k) for k in _INTEGRATIONS])
+    edges, count = _groups(transform.size)
+    spectra = np.array([_averaged(s, edges, count) for s in (*fast, *wandering)]).T
+    power = _averaged(np.abs(transform) ** 2 / n / size, edges, count)
+    _, without = _weights(spectra[:, : len(fast)], power, count)
+    weights, with_it = _weights(spectra, power, count)
+    ratio = max(0.0, 2.0 * (without - with_it))
+    share = (weights[len(fast) :] @ wandering) / (weights @ np.vstack([fast, wandering]))
+    path = np.fft.irfft(transform * share, n)
+    freedom = len(_INTEGRATIONS)
+    return Slow(ratio, float(chi2.sf(ratio, freedom)), float(np.sqrt(np.mean(path**2))), path)
+
+
+def _groups(size: int) -> tuple[NDArray[np.intp], Array]:
+    """First frequency of every group, the end of the last, and how many are in each."""
+    spaced = np.geomspace(min(_SINGLE, size - 1), size, _GROUPS).astype(np.intp)
+    edges = np.unique(np.concatenate([np.arange(1, min(_SINGLE, size - 1)), spaced]))
+    return edges, np.diff(edges).astype(float)
+
+
+def _averaged(values: Array, edges: NDArray[np.intp], count: Array) -> Array:
+    return np.asarray(np.add.reduceat(values, edges[:-1]) / count)
+
+
+def _weights(spectra: Array, power: Array, count: Array) -> tuple[Array, float]:
+    """Return the likeliest non-negative weights of spectra, and minus the logarithm of their likelihood."""
+
+    def cost(weights: Array) -> float:
+        level = spectra @ weights
+        return float((count * (np.log(level) + power / level)).sum())
+
+    weights = np.full(spectra.shape[1], power.mean() / spectra.sum(axis=1).mean())
+    least = cost(weights)
+    for _ in range(_PASSES):
+        certain = np.sqrt(count) / (spectra @ weights)
+        rows = spectra * certain[:, np.newaxis]
+        scale = np.sqrt((rows**2).sum(axis=0))
+        target = nnls(rows / scale, power * certain)[0] / scale
+        step, trial, found = 1.0, target, np.inf
+        while step > 1e-4:
+            trial = (1.0 - step) * weights + step * target
+            if np.all(spectra @ trial > 0.0) and (found := cost(trial)) < least:
+                break
+            step /= 2.0
+        else:
+            break
+        settled = least - found < 1e-6
+        weights, least = trial, found
+        if settled:
+            break
+    return weights, least
