@@ -145,6 +145,32 @@ def test_stacking_on_a_stack_is_stacking_at_once():
     assert stack(stack(Thermostat, Warmer, name="mine"), Doubled).name == "mine_with_doubled"
 
 
+def test_a_stack_may_have_other_defaults():
+    values = {"loss": 0.7, "temperature_start": 280.0, "stages": 3, "enabled": False, "factor": 4.0, "age_start": 9.0}
+    cls = stack(Thermostat, Warmer, Doubled, defaults=values)
+    plain = stack(Thermostat, Warmer, Doubled)
+    starts = {p.name: p.start for p in plain.layout.parameters}
+    assert {p.name: p.start for p in cls.layout.parameters} == starts | values
+    assert cls.layout.names == plain.layout.names
+    assert (cls().temperature, cls().age) == (280.0, 9.0)
+    assert Thermostat().loss == plain().loss == 0.5, "others keep theirs"
+
+
+def test_other_defaults_stay_when_more_is_laid_over():
+    mended = stack(Thermostat, name="mended", defaults={"loss": 0.7, "capacity": 30.0})
+    mended.remark = "Mended"
+    cls = stack(mended, Warmer, defaults={"capacity": 40.0})
+    assert (cls().loss, cls().capacity, cls.remark, cls.name) == (0.7, 40.0, "Mended", "mended_with_warmer")
+    assert Thermostat.remark == ""
+
+
+def test_defaults_that_cannot_be_are_refused():
+    with pytest.raises(UserError, match=r"thermostat: no parameter named 'los' \(did you mean loss\?\)"):
+        stack(Thermostat, defaults={"los": 1.0})
+    with pytest.raises(UserError, match=r"variable 'capacity' starts at 0 J/K, outside its range, 0\.001 to 1e"):
+        stack(Thermostat, defaults={"capacity": 0.0})
+
+
 def test_an_effect_twice_is_refused():
     with pytest.raises(UserError, match="thermostat: effect 'warmer' is laid over it twice"):
         stack(Thermostat, Warmer, Warmer)

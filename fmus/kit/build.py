@@ -194,7 +194,7 @@ def _sources(graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
 
 def _python_package(cls: type[Component]) -> dict[str, bytes]:
     """Return what Python needs at run time: the kit's light modules and the component's."""
-    base, effects = getattr(cls, "stacked", (cls, ()))
+    base, effects = vars(cls).get("stacked", (cls, ()))
     files = {f"kit/{name}.py": (KIT / f"{name}.py").read_bytes() for name in RUNTIME_MODULES}
     modules, places = bundle((base, *effects))
     files |= modules

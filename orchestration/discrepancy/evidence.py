@@ -15,11 +15,16 @@ from scipy.stats import chi2
 from fmus.kit import Component, Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidate import Candidate, label, own_parameters
-from orchestration.discrepancy.leads import Lead, innovations, leads, score
-from orchestration.discrepancy.regression import Fitted, fit, normal_inverse
+from orchestration.discrepancy.leads import Lead, amounts, leads
+from orchestration.discrepancy.linear import Linearised, Outlook
+from orchestration.discrepancy.noise import Noise
+from orchestration.discrepancy.regression import Fitted, fit
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
+PROMISING = 8  # effects that are fitted, if they are worth it
+WORTH = 5.0  # fall that is expected of a fit, below which it cannot come to what is accepted
+_STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,23 @@ class Evidence:
         return float(min(1.0, tried * chi2.sf(max(ratio, 0.0), freedom)))
 
 
+@dataclass(frozen=True)
+class Prospect:
+    """An effect that may be worth a fit.
+
+    Attributes
+    ----------
+    effect : type[Effect]
+    start : dict of str to float
+        Its parameters where the fit starts, SI.
+    outlook : Outlook
+    """
+
+    effect: type[Effect]
+    start: dict[str, float]
+    outlook: Outlook
+
+
 @dataclass
 class Search:
     """Candidates over one record.
@@ -116,36 +138,49 @@ class Search:
 
         side_by_side(one, effects)
 
-    def scores(
-        self, below: Evidence, effects: Sequence[type[Effect]]
-    ) -> list[tuple[float, type[Effect], dict[str, float]]]:
-        """Score every effect over a fitted model, the best first, with a point to start its fit from."""
-        fitted = below.fitted
-        left = np.concatenate([fitted.innovation[o] for o in fitted.noise])
-        whiten = innovations(fitted.noise, below.problem.present)
-        project = _projection(fitted.jacobian)
-
-        def best(effect: type[Effect]) -> tuple[float, dict[str, float]]:
-            problem, found = self._seen[effect]
-            scored = [score(lead, left, whiten, project, problem, own_parameters(effect)[0]) for lead in found]
-            return max(scored, key=lambda row: row[0], default=(0.0, {}))
-
+    def prospects(self, below: Evidence, effects: Sequence[type[Effect]]) -> list[Prospect]:
+        """Effects that may be worth a fit over a fitted model, the most promising first."""
+        model = Linearised(below.problem, below.fitted)
         looked = [effect for effect in effects if effect in self._seen]
-        found = side_by_side(best, looked)
-        ranked = [(fall, effect, start) for effect, (fall, start) in zip(looked, found, strict=True)]
-        return sorted(ranked, key=lambda row: -row[0])
+        falls = side_by_side(
+            lambda effect: [model.falls(lead.columns, lead.least, lead.most) for lead in self._seen[effect][1]], looked
+        )
+        # the noise as it was found may have swallowed a slow effect, and white noise knows nothing of colour: ask both
+        chosen: dict[tuple[type[Effect], int], Lead] = {}
+        for view in range(2):
+            best = [
+                (max(f[view] for f in found), effect, found)
+                for effect, found in zip(looked, falls, strict=True)
+                if found
+            ]
+            for _, effect, found in sorted(best, key=lambda row: -row[0])[:PROMISING]:
+                k = max(range(len(found)), key=lambda k: found[k][view])
+                chosen[effect, k] = self._seen[effect][1][k]
 
-    def extended(self, below: Evidence, effect: type[Effect], start: Mapping[str, float]) -> Evidence:
+        def expected(item: tuple[tuple[type[Effect], int], Lead]) -> Prospect:
+            (effect, _), lead = item
+            outlook = model.outlook(lead.columns, lead.least, lead.most)
+            problem = self._seen[effect][0]
+            return Prospect(effect, amounts(lead, problem, own_parameters(effect)[0], outlook.amount), outlook)
+
+        result: dict[type[Effect], Prospect] = {}
+        for prospect in sorted(side_by_side(expected, list(chosen.items())), key=lambda p: -p.outlook.fall):
+            if prospect.outlook.fall > WORTH:
+                result.setdefault(prospect.effect, prospect)
+        return list(result.values())[:PROMISING]
+
+    def extended(self, below: Evidence, prospect: Prospect) -> Evidence:
         """Fit a model with one more effect."""
-        candidate = below.candidate.with_effect(effect)
+        candidate = below.candidate.with_effect(prospect.effect)
         self.progress(f"fitting {candidate.name}")
         problem = self._problem(candidate)
-        q = problem.position(problem.start | below.fitted.values | dict(start))
-        return Evidence(candidate, problem, self._fit(problem, q, below))
+        beside = below.problem.values(below.fitted.q + np.clip(prospect.outlook.step, -_STRIDE, _STRIDE))
+        q = problem.position(problem.start | beside | prospect.start)
+        return Evidence(candidate, problem, self._fit(problem, q, prospect.outlook.noise))
 
-    def _fit(self, problem: Problem, q: Array, below: Evidence | None) -> Fitted:
+    def _fit(self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None) -> Fitted:
         physical = np.array([name in self.parameters and not name.endswith("_start") for name in problem.names])
-        return fit(problem, q, below.fitted.noise if below else None, physical)
+        return fit(problem, q, noise, physical)
 
     def _problem(self, candidate: Candidate) -> Problem:
         return self._searching(candidate, [*self.parameters, *candidate.parameters], self.fixed)
@@ -162,9 +197,3 @@ def side_by_side(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-
-
-def _projection(jacobian: Array) -> Callable[[Array], Array]:
-    """Return the projection onto the columns of a Jacobian, by its normal equations."""
-    seen, inverse = normal_inverse(jacobian)
-    return lambda column: jacobian[:, seen] @ (inverse @ (jacobian[:, seen].T @ column))

@@ -52,7 +52,7 @@ def extended(found: Diagnosis, record: str) -> type[Component]:
     ----------
     found : Diagnosis
     record : str
-        Name of the file that was fitted to.
+        The file that was fitted to; only its name is told.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def _allowed(value: float, declared: ParameterDeclaration) -> float:
 def _remarks(found: Diagnosis, record: str, defaults: Mapping[str, float]) -> list[str]:
     """Tell in plain words what a model is made of: one statement to a line."""
     best, base = found.selection.best.candidate, found.selection.base.candidate.cls.name
-    told = [f"Fitted to {record}"]
+    told = [f"Fitted to {Path(record).name}"]
     told += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
     if not best.effects:
         told.append(f"Nothing was added to {base}: only its parameters were fitted")
@@ -106,7 +106,10 @@ def _meaning(effect: type[Effect]) -> str:
     """What an effect does, and which assumption of the model it relaxes."""
     words = (effect.__doc__ or "").strip().split("\n")[0].rstrip(".").replace("``", "")
     relaxed = effect.assumption
-    return f"{words} (relaxes {f'assumption {relaxed}' if isinstance(relaxed, int) else f'that {relaxed}'})"
+    which = (
+        f"assumption {relaxed} of its documentation" if isinstance(relaxed, int) else f"the assumption that {relaxed}"
+    )
+    return f"{words}; relaxes {which}"
 
 
 def destinations(path: Path, records: Iterable[Path]) -> dict[str, Path]:

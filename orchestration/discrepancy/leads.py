@@ -7,7 +7,7 @@ Second parameters, such as time constants, are looked at on a small grid.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -19,16 +19,14 @@ from fmus.kit import Effect
 from fmus.kit.errors import UserError
 from fmus.kit.sensors import transport_delay
 from orchestration.discrepancy.candidate import own_parameters
-from orchestration.discrepancy.noise import Noise
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
-Innovate = Callable[[Mapping[str, Array]], Array]
-GRID = (0.2, 1.0, 5.0)  # times the default of a second parameter
+GRID = (0.2, 0.45, 1.0, 2.2, 5.0)  # times the default of a second parameter
+COARSE = (0.2, 1.0, 5.0)  # of two of them
 SWITCHED = (1.0, 4.0, 16.0)  # times the nominal value of a switch, where differences are taken
 _DELAYS = 16  # looked at: a delay shows a step of an input another sample later, which is no smooth function of it
-_TWICE = 3.0  # how many times smaller or larger than the difference an effect may be for it to tell of it
-_FLAT = 1e-10
+_TRUST = 1.0 / 3.0, 3.0  # times the difference that an effect may be for it to tell of it
 
 
 @dataclass(frozen=True)
@@ -41,13 +39,14 @@ class Lead:
         Its parameters, SI; the switch is where the derivative was taken, or where the difference ends.
     columns : dict of str to ndarray, shape (m,)
         Derivative by the searched coordinate of the switch, or difference; where the output was measured.
-    local : bool
-        Whether it is the derivative.
+    least, most : float
+        How much of it there may be: bounds of the searched coordinate, or how far a difference can be trusted.
     """
 
     values: dict[str, float]
     columns: dict[str, Array]
-    local: bool
+    least: float
+    most: float
 
 
 def leads(problem: Problem, effect: type[Effect]) -> list[Lead]:
@@ -66,18 +65,21 @@ def leads(problem: Problem, effect: type[Effect]) -> list[Lead]:
     switch, *others = own_parameters(effect)
     at, declared = problem.names.index(switch), problem.declared
     neutral = declared[switch].start
+    low, high = (float(end[at]) for end in problem.bounds())
+    here = problem.scales[at].position(neutral)
+    room = low - here, high - here
     found = []
     for second in _grid(others, declared):
         base, slopes = problem.evaluate(problem.position(problem.start | second))
         local = {output: slope[:, at].copy() for output, slope in slopes.items()}
         if any(column.any() for column in local.values()):
-            found.append(Lead(second | {switch: neutral}, local, True))
+            found.append(Lead(second | {switch: neutral}, local, *room))
         for value in _trials(effect, declared[switch], problem.time):
             try:
                 moved, _ = problem.evaluate(problem.position(problem.start | second | {switch: value}))
             except UserError:  # too much of it for a simulation
                 continue
-            found.append(Lead(second | {switch: value}, {o: moved[o] - base[o] for o in base}, False))
+            found.append(Lead(second | {switch: value}, {o: moved[o] - base[o] for o in base}, *_TRUST))
     return found
 
 
@@ -94,52 +96,18 @@ def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
 
 def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:
     """Points of the second parameters: each at some multiples of its default."""
+    factors = GRID if len(names) < 2 else COARSE
     choices = [
-        sorted({float(np.clip(declared[n].start * factor, declared[n].min, declared[n].max)) for factor in GRID})
+        sorted({float(np.clip(declared[n].start * factor, declared[n].min, declared[n].max)) for factor in factors})
         for n in names
     ]
     return [dict(zip(names, point, strict=True)) for point in product(*choices)]
 
 
-def innovations(noise: Mapping[str, Noise], present: Mapping[str, NDArray[np.bool_]]) -> Innovate:
-    """Return the function that whitens changes of all outputs and puts them behind each other."""
-    return lambda columns: np.concatenate([n.whiten(columns[o], present[o]) for o, n in noise.items()])
-
-
-def score(
-    lead: Lead, left: Array, whiten: Innovate, project: Callable[[Array], Array], problem: Problem, switch: str
-) -> tuple[float, dict[str, float]]:
-    """Tell by how much the cost would fall if everything were linear (Rao's test), and where to start a fit.
-
-    Parameters
-    ----------
-    lead : Lead
-    left : ndarray, shape (m,)
-        Innovations of the model that the effect is laid over.
-    whiten : callable
-        From changes of the outputs to changes of the innovations.
-    project : callable
-        Onto what the parameters of that model can do.
-    problem : Problem
-        That the lead was found with.
-    switch : str
-
-    Returns
-    -------
-    fall : float
-    start : dict of str to float
-        Parameters of the effect.
-    """
-    column = whiten(lead.columns)
-    new = column - project(column)
-    power = float(new @ new)
-    if power <= _FLAT * float(column @ column):
-        return 0.0, lead.values
-    size = -float(new @ left) / power
-    if not lead.local:
-        size = float(np.clip(size, 1.0 / _TWICE, _TWICE))
-        return max(0.0, -size * (2.0 * float(new @ left) + size * power)), lead.values
+def amounts(lead: Lead, problem: Problem, switch: str, amount: float) -> dict[str, float]:
+    """Parameters of the effect where a fit should start, if so much of a lead is wanted."""
+    if lead.least > 0.0:
+        return lead.values
     declared, scale = problem.declared[switch], problem.scales[problem.names.index(switch)]
-    value = float(np.clip(scale.value(size + scale.position(declared.start)), declared.min, declared.max))
-    # zero if it would have to be on the other side of its range
-    return (size**2 * power if value != declared.start else 0.0), lead.values | {switch: value}
+    value = scale.value(scale.position(declared.start) + amount)
+    return lead.values | {switch: float(np.clip(value, declared.min, declared.max))}

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from orchestration.identify.grey_box import autoregression
 
@@ -43,12 +42,15 @@ class Noise:
         -------
         ndarray, shape (m - dropped,) or (m - dropped, p)
         """
-        pieces = [self._filtered(values[a:b])[ORDER:] for a, b in segments(present)]
+        pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
         return np.concatenate(pieces) if pieces else values[:0]
 
     def _filtered(self, piece: Array) -> Array:
-        taps = np.concatenate([[1.0], -self.coefficients]) / self.deviation
-        return np.asarray(lfilter(taps, [1.0], piece, axis=0))
+        n = len(piece)
+        result = piece[ORDER:].copy()
+        for lag, coefficient in enumerate(self.coefficients, start=1):
+            result -= coefficient * piece[ORDER - lag : n - lag]
+        return result / self.deviation
 
 
 def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -40,6 +40,8 @@ class Fitted:
         The residual whitened.
     jacobian : ndarray, shape (sum of m, p)
         Whitened derivatives of all residuals by the searched coordinates.
+    belief : ndarray, shape (p,)
+        Curvature of what is believed of every coordinate; zero where nothing is.
     deviance : float
         Minus twice the logarithm of the likelihood, up to what is the same for every candidate of one record.
     parameters : int
@@ -53,6 +55,7 @@ class Fitted:
     residual: dict[str, Array]
     innovation: dict[str, Array]
     jacobian: Array
+    belief: Array
     deviance: float
     parameters: int
     samples: int
@@ -86,10 +89,39 @@ def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physi
         If the simulation fails where the search starts.
     """
     low, high = problem.bounds()
-    q = np.clip(problem.inside(start), low, high)
     centre = problem.position(problem.start)
     held = np.flatnonzero(physical & np.isfinite(centre))
-    colours = dict(noise) if noise else {o: _white(e) for o, e in problem.evaluate(q)[0].items()}
+    weight = np.zeros(len(centre))
+    weight[held] = BELIEF**-2
+
+    def settled(q: Array, colours: Mapping[str, Noise]) -> Fitted:
+        """Fit with a colour and estimate the colour from what is left, in turn."""
+        best: Fitted | None = None
+        for _ in range(_PASSES):
+            q = _minimised(problem, q, colours, held, centre)
+            fitted = _assessed(problem, q, weight, centre)
+            if best is not None and best.bic - fitted.bic < _SETTLED:
+                return min(best, fitted, key=lambda f: f.bic)
+            best, colours = fitted, fitted.noise
+        return fitted
+
+    q = np.clip(problem.inside(start), low, high)
+    found = settled(q, noise or _white(problem.evaluate(q)[0]))
+    while any(len(n.coefficients) for n in found.noise.values()):
+        # a colour that has swallowed what the model could tell keeps it from being told: ask once more without
+        other = settled(found.q, _white(found.residual))
+        if found.bic - other.bic < _SETTLED:
+            break
+        found = other
+    problem.evaluate(found.q)
+    return found
+
+
+def _minimised(
+    problem: Problem, q: Array, colours: Mapping[str, Noise], held: NDArray[np.intp], centre: Array
+) -> Array:
+    """Fit with noise of a known colour."""
+    size = sum(p.sum() for p in problem.present.values())
 
     def rows(q: Array) -> Array:
         try:
@@ -98,7 +130,9 @@ def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physi
             if not problem.ran:
                 raise
             return np.full(size, np.inf)  # a point to step back from
-        return np.concatenate([*(colours[o].whiten(e, problem.present[o]) for o, e in error.items()), belief(q)])
+        return np.concatenate(
+            [*(colours[o].whiten(e, problem.present[o]) for o, e in error.items()), (q - centre)[held] / BELIEF]
+        )
 
     def slopes(q: Array) -> Array:
         jacobian = problem.evaluate(q)[1]
@@ -106,29 +140,32 @@ def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physi
         prior[np.arange(len(held)), held] = 1.0 / BELIEF
         return np.vstack([*(colours[o].whiten(j, problem.present[o]) for o, j in jacobian.items()), prior])
 
-    def belief(q: Array) -> Array:
-        return (q[held] - centre[held]) / BELIEF
-
-    size, before = 0, np.inf
-    for _ in range(_PASSES):
-        size = rows(q).size
-        q = minimise(rows, slopes, q, low, high)
-        error = problem.evaluate(q)[0]
-        colours = {o: estimate(e, problem.present[o]) for o, e in error.items()}
-        innovation = {o: colours[o].whiten(e, problem.present[o]) for o, e in error.items()}
-        deviance = float(sum(2.0 * len(innovation[o]) * np.log(n.deviation) for o, n in colours.items()))
-        if before - deviance < _SETTLED:
+    q = minimise(rows, slopes, q, *problem.neighbourhood(q))
+    while (other := problem.beyond(q)) is not None:
+        other = minimise(rows, slopes, other, *problem.neighbourhood(other))
+        if (rows(other) ** 2).sum() >= (rows(q) ** 2).sum():
             break
-        before = deviance
-    samples = sum(map(len, innovation.values()))
-    jacobian = slopes(q)[:samples]
-    count = len(q) + sum(len(n.coefficients) for n in colours.values())
-    deviance += float(belief(q) @ belief(q))
-    return Fitted(q, problem.values(q), colours, error, innovation, jacobian, deviance, count, samples)
+        q = other
+    return q
 
 
-def _white(residual: Array) -> Noise:
-    return Noise(np.empty(0), float(np.sqrt(np.mean(residual**2))) or np.finfo(float).tiny)
+def _assessed(problem: Problem, q: Array, belief: Array, centre: Array) -> Fitted:
+    """How likely a point makes the record, with the colour of what it leaves."""
+    error, slopes = problem.evaluate(q)
+    noise = {o: estimate(e, problem.present[o]) for o, e in error.items()}
+    innovation = {o: n.whiten(error[o], problem.present[o]) for o, n in noise.items()}
+    jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
+    deviance = sum(2.0 * len(innovation[o]) * np.log(n.deviation) for o, n in noise.items())
+    deviance += float(belief @ np.where(belief > 0.0, q - centre, 0.0) ** 2)
+    count = len(q) + sum(len(n.coefficients) for n in noise.values())
+    return Fitted(
+        q, problem.values(q), noise, error, innovation, jacobian, belief, float(deviance), count, len(jacobian)
+    )
+
+
+def _white(residual: Mapping[str, Array]) -> dict[str, Noise]:
+    tiny = np.finfo(float).tiny
+    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or tiny) for o, e in residual.items()}
 
 
 def normal_inverse(jacobian: Array) -> tuple[NDArray[np.intp], Array]:

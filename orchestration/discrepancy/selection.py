@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 from fmus.kit import Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidate import label
-from orchestration.discrepancy.evidence import Evidence, Search, side_by_side
+from orchestration.discrepancy.evidence import Evidence, Prospect, Search, side_by_side
 
 ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
 RIVAL = 6.0  # within which another candidate counts as not told apart
 MOST = 3  # effects that are looked for
-WORTH = 5.0  # fall of the cost, were everything linear, below which a fit cannot come to what is accepted
-PROMISING = 8  # candidates that are fitted, if they score
 AT_ONCE = 2
 HOPELESS = 0.1  # of what another has gained already
 
@@ -105,20 +103,20 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
 def _fitted(search: Search, below: Evidence, effects: Sequence[type[Effect]]) -> list[tuple[Evidence, float]]:
     """Promising effects over a model, fitted, the best first."""
     result: list[tuple[Evidence, float]] = []
-    promising = [row for row in search.scores(below, effects) if row[0] > WORTH][:PROMISING]
-    while promising:
+    prospects = search.prospects(below, effects)
+    while prospects:
         # what the best of them gains tells which of the others still has a chance
-        batch, promising = promising[:AT_ONCE], promising[AT_ONCE:]
-        fits = side_by_side(lambda row: _tried(search, below, row[1], row[2]), batch)
+        batch, prospects = prospects[:AT_ONCE], prospects[AT_ONCE:]
+        fits = side_by_side(lambda prospect: _tried(search, below, prospect), batch)
         result += [(found, found.over(below, len(effects))) for found in fits if found]
         gained = max((below.fitted.deviance - e.fitted.deviance for e, _ in result), default=0.0)
-        promising = [row for row in promising if row[0] > HOPELESS * gained]
+        prospects = [prospect for prospect in prospects if prospect.outlook.fall > HOPELESS * gained]
     return sorted(result, key=lambda row: -row[1])
 
 
-def _tried(search: Search, below: Evidence, effect: type[Effect], start: dict[str, float]) -> Evidence | None:
+def _tried(search: Search, below: Evidence, prospect: Prospect) -> Evidence | None:
     try:
-        return search.extended(below, effect, start)
+        return search.extended(below, prospect)
     except UserError as error:
-        search.unjudged[label(effect)] = str(error)
+        search.unjudged[label(prospect.effect)] = str(error)
         return None

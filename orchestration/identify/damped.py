@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _FIRST, _LEAST, _MOST = 1e-3, 1e-9, 1e9  # damping
+_STRIDE = 1.0  # longest step of a coordinate: a factor of 2.7 of what is searched in its logarithm
 
 
 def minimise(
@@ -43,7 +44,7 @@ def minimise(
     jacobian = slopes(q)
     for _ in range(most):
         gradient, curvature = jacobian.T @ error, jacobian.T @ jacobian
-        moved = _step(gradient, curvature, damping, low - q, high - q)
+        moved = _step(gradient, curvature, damping, np.maximum(low - q, -_STRIDE), np.minimum(high - q, _STRIDE))
         trial = np.clip(q + moved, low, high)
         moved = trial - q
         predicted = -float(2.0 * gradient @ moved + moved @ curvature @ moved)

@@ -33,6 +33,8 @@ class DelayedModel:
     ----------
     layout : Layout
         Of the component, the registers included.
+    delays : dict of str to str
+        Names of the delays by output.
     """
 
     def __init__(self, cls: type[Component], sensitivities: Sequence[str]):
@@ -40,9 +42,9 @@ class DelayedModel:
         late = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
         rest = [e for e in effects if e not in late]
         self.layout = cls.layout
-        self._delays = {effect.output: effect.neutral for effect in late}
+        self.delays = {effect.output: effect.neutral for effect in late}
         self._model = CompiledModel(
-            stack(base, *rest) if rest else base, [n for n in sensitivities if n not in self._delays.values()]
+            stack(base, *rest) if rest else base, [n for n in sensitivities if n not in self.delays.values()]
         )
         self._known = {p.name for p in self._model.layout.parameters}
         self._names = list(sensitivities)
@@ -52,9 +54,9 @@ class DelayedModel:
     ) -> Trajectory:
         """Simulate with inputs held between samples, as `CompiledModel.run`."""
         given = {name: value for name, value in parameters.items() if name in self._known}
-        if not self._delays:
+        if not self.delays:
             return self._model.run(time, inputs, given, effort=effort)
-        delays = {output: parameters[name] for output, name in self._delays.items()}
+        delays = {output: parameters[name] for output, name in self.delays.items()}
         late = {output: delay for output, delay in delays.items() if delay > 0.0}
         looks = {output: _look(time, delay) for output, delay in late.items()}
         instants, back = np.unique(
@@ -78,7 +80,7 @@ class DelayedModel:
     def _complete(self, signal: str, found: Array, by_delay: Mapping[str, Array]) -> Array:
         """Put the derivatives by the delays among the others."""
         columns, others = [], iter(found.T)
-        of = {name: output for output, name in self._delays.items()}
+        of = {name: output for output, name in self.delays.items()}
         for name in self._names:
             if name not in of:
                 columns.append(next(others))

@@ -17,7 +17,9 @@ from fmus.kit.errors import UserError
 from orchestration.identify.delayed import DelayedModel
 
 Array = NDArray[np.float64]
-_EFFORT = 2000  # internal steps per sample: beyond, a search has strayed to parameters that make the model stiff
+# Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
+_EFFORT, _EFFORTS = 50.0, 3e5
+_EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
 _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 
 
@@ -91,6 +93,7 @@ class Problem:
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
+        self._step = float(np.median(np.diff(time)))
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -103,7 +106,9 @@ class Problem:
         """
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
-            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort=_EFFORT)
+            trajectory = self.model.run(
+                self.time, self.inputs, self.start | self.values(q), effort=max(_EFFORT, _EFFORTS / len(self.time))
+            )
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             error = {o: (trajectory.signals[o] - y)[self.present[o]] for o, y in self.measured.items()}
             jacobian = {o: trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
@@ -134,6 +139,31 @@ class Problem:
         ends = [(s.position(low), s.position(high)) for s, (low, high) in zip(self.scales, ranges, strict=True)]
         low, high = np.array(ends).T
         return low, high
+
+    def neighbourhood(self, q: Array) -> tuple[Array, Array]:
+        """Bounds about a point within which the residuals are smooth: a longer delay shows a step a sample later."""
+        low, high = self.bounds()
+        for i, samples in self._delays(q):
+            ends = np.floor(samples) + np.array([_EDGE, 1.0 - _EDGE])
+            low[i], high[i] = np.clip([self._delay(i, end) for end in ends], low[i], high[i])
+        return low, high
+
+    def beyond(self, q: Array) -> Array | None:
+        """Return a point on the other side of the end that a delay has come to; None if none has."""
+        other = q.copy()
+        for i, samples in self._delays(q):
+            wall = round(samples)
+            if wall > 0 and abs(samples - wall) < 2.0 * _EDGE:
+                other[i] = self._delay(i, wall + (_NUDGE if samples < wall else -_NUDGE))
+        return None if np.array_equal(other, q) else np.clip(other, *self.bounds())
+
+    def _delays(self, q: Array) -> list[tuple[int, float]]:
+        """Return which coordinates are delays, and how many samples long each is."""
+        found = [i for i, name in enumerate(self.names) if name in self.model.delays.values()]
+        return [(i, self.scales[i].value(q[i]) / self._step) for i in found]
+
+    def _delay(self, i: int, samples: float) -> float:
+        return self.scales[i].position(samples * self._step)
 
     def inside(self, q: Array) -> Array:
         """Move a starting point off the ends of the ranges, where the first steps would be very small."""

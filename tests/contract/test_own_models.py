@@ -126,6 +126,43 @@ def test_effect_of_a_user_over_a_component(built, runtime):
         assert one.get("voltage")[0] == pytest.approx(2.0 * 0.43 * 2.35 / (0.43 + 2.35), rel=1e-12)
 
 
+def test_laws_of_a_user_over_a_stack(tmp_path, runtime):
+    (tmp_path / "lag.py").write_text("""
+from fmus.kit import Component, Effect, Output, State, stack
+
+
+class Plain(Component):
+    name = "plain"
+    x = State("1", rate="still")
+
+    def still(self):
+        return 0.0
+
+    @Output("1")
+    def y(self):
+        return self.x
+
+
+class Raised(Effect):
+    id = "raised"
+
+    def y(self):
+        return 1.0 + super().y()
+
+
+class Lag(stack(Plain, Raised, defaults={"x_start": 5.0})):
+    name = "tripled"
+
+    def y(self):
+        return 3.0 * super().y()
+""")
+    path = tmp_path / "tripled.fmu"
+    path.write_bytes(build(load(tmp_path / "lag.py"), runtime, [host_platform()]))
+    with instance(path) as one:
+        one.initialize()
+        assert one.get("y")[0] == 3.0 * (1.0 + 5.0)
+
+
 def test_effects_of_one_name_from_two_modules(tmp_path, built, runtime):
     effect = """
 from fmus.kit import Effect

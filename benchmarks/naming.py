@@ -1,0 +1,251 @@
+"""How often the hidden effect is named: hundreds of emulated records, a confusion matrix and the rates that count.
+
+`python -m benchmarks.naming` writes ``docs/naming.md``. Every diagnosis is kept as soon as it is made, in a folder
+named after the code that made it, so that an interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import tempfile
+import time as clock
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "naming.md"
+_CODE = ("fmus/kit", "fmus/ppy_actuator", "orchestration/discrepancy", "orchestration/identify", "orchestration/rig")
+PAIRS = (
+    ("strain_saturation", "double_layer"), ("resistance_growth", "quadratic_strain"),
+    ("second_kelvin", "charge_dependent_capacitance"), ("nonlinear_stiffness", "force_to_voltage"),
+    ("strain_hysteresis", "capacitance_fade"), ("transport_delay.voltage", "slack"),
+    ("self_heating", "strain_lag"), ("sensor_drift.voltage", "charge_dependent_stiffness"),
+)  # fmt: skip
+VARIANTS: dict[str, dict[str, Any]] = {
+    "voltage only": {"outputs": ("voltage",)},
+    "displacement only": {"outputs": ("displacement",)},
+    "2 Hz": {"rate": 2.0},
+    "three minutes": {"duration": 180.0},
+    "not at rest": {"at_rest": False},
+}
+CHANGES = {"R1 +40 %": ("R1", {"R1": 1.4}), "k2 -30 %": ("k2", {"k2": 0.7})}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A record to draw, and what should be said of it.
+
+    Attributes
+    ----------
+    group : str
+    hidden : tuple of str
+    seed : int
+    options : dict
+        Of `orchestration.rig.records.draw`.
+    """
+
+    group: str
+    hidden: tuple[str, ...]
+    seed: int
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def cases(seeds: int) -> Iterator[Case]:
+    """Everything that is drawn, the first seeds of all groups first.
+
+    Parameters
+    ----------
+    seeds : int
+        Of every variation at every strength and colour; the other groups in proportion.
+    """
+    from orchestration.rig.variations import CATALOGUE, UNKNOWN
+
+    for seed in range(1, seeds + 1):
+        for colour in (0.0, 0.9):
+            for strength in (1.0, 0.3):
+                group, options = (
+                    f"strength {strength:g}, φ = {colour:g}",
+                    {"strength": strength, "noise_colour": colour},
+                )
+                yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
+            for k in range(25):
+                yield Case(f"clean, φ = {colour:g}", (), 25 * seed + k, {"noise_colour": colour})
+        yield from (Case("outside the catalogue", (name,), 10 * seed + k) for name in UNKNOWN for k in range(2))
+        yield from (Case("two effects", pair, seed) for pair in PAIRS)
+        for group, (_, factors) in CHANGES.items():
+            yield from (Case(group, (), 10 * seed + k, {"changed": factors, "spread": 0.0}) for k in range(2))
+        if seed <= max(1, seeds // 2):
+            for group, options in VARIANTS.items():
+                yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
+
+
+def judge(case: Case) -> dict[str, Any]:
+    """Draw a record, diagnose it from its CSV file, and tell what was said and what would have been right."""
+    from fmus.ppy_actuator.effects import EFFECTS
+    from fmus.ppy_actuator.model import PpyActuator
+    from orchestration.discrepancy.candidate import catalogue
+    from orchestration.discrepancy.diagnosis import diagnose
+    from orchestration.discrepancy.evidence import Data
+    from orchestration.identify.residuals import normalised_rms
+    from orchestration.records import read_record
+    from orchestration.rig.bench import NOISE
+    from orchestration.rig.records import UNITS, draw, write
+
+    cache = Path(os.environ["PPY_STUDY_RECORDS"]) if "PPY_STUDY_RECORDS" in os.environ else None
+    try:
+        drawn = draw(case.hidden, case.seed, cache=cache, **case.options)
+    except ValueError as error:
+        return asdict(case) | {"impossible": str(error)}
+    with tempfile.TemporaryDirectory() as folder:
+        write(drawn, Path(folder) / "record.csv")
+        record = read_record(Path(folder) / "record.csv", UNITS, inputs=["current", "force"])
+    inputs = {n: v for n, v in record.signals.items() if n in ("current", "force")}
+    measured = {n: v for n, v in record.signals.items() if n in NOISE}
+    began = clock.perf_counter()
+    found = diagnose(PpyActuator, Data(record.time, inputs, measured), catalogue(PpyActuator, EFFECTS, measured))
+    took = clock.perf_counter() - began
+    first = found.unseen.first
+    best = {o: normalised_rms(y[first:], drawn.truth.outputs[o][first:]) for o, y in measured.items()}
+    inside = {
+        n: bool(e.interval[0] <= getattr(drawn.truth.parameters, n) <= e.interval[1])
+        for n, e in found.estimates.items() if n in asdict(drawn.truth.parameters) and np.isfinite(e.interval).all()
+    }  # fmt: skip
+    return asdict(case) | {
+        "wanted": [h.id + (f"({h.output})" if h.output else "") for h in drawn.truth.hidden],
+        "alike": any(h.alike for h in drawn.truth.hidden),
+        "widths": [h.widths for h in drawn.truth.hidden],
+        "verdict": found.verdict,
+        "causes": found.causes,
+        "rivals": [[e.candidate.name.split(" + ")[-1] for e in s.rivals] for s in found.selection.steps],
+        "gains": [s.gain for s in found.selection.steps],
+        "differing": found.differing,
+        "ratio": max(found.after[o] / best[o] for o in measured),
+        "inside": inside,
+        "seconds": took,
+    }  # fmt: skip
+
+
+def right(row: dict[str, Any]) -> bool:
+    """Whether what was said is what should be."""
+    if row["group"] in CHANGES:
+        return row["verdict"] == "recalibrate" and row["differing"][:1] == [CHANGES[row["group"]][0]]
+    if row["group"] == "outside the catalogue":
+        return row["verdict"] == "unexplained"
+    if not row["hidden"]:
+        return not row["causes"] and row["verdict"] in ("consistent", "recalibrate")
+    if row["alike"] and not row["causes"]:
+        return row["verdict"] == "recalibrate"  # other parameters of the base model do just the same
+    if len(row["wanted"]) > 1:
+        groups = [{cause, *rivals} for cause, rivals in zip(row["causes"], row["rivals"], strict=True)]
+        return all(any(wanted in group for group in groups) for wanted in row["wanted"])
+    return bool(row["causes"]) and row["wanted"][0] in {row["causes"][0], *row["rivals"][0]}
+
+
+def run(wanted: Iterable[Case], folder: Path, workers: int) -> list[dict[str, Any]]:
+    """Judge all cases that are not in the folder yet, side by side."""
+    folder.mkdir(parents=True, exist_ok=True)
+    todo, rows = [], []
+    for case in wanted:
+        file = folder / f"{hashlib.sha256(repr(case).encode()).hexdigest()[:24]}.json"
+        if file.exists():
+            rows.append(json.loads(file.read_text(encoding="utf-8")))
+        else:
+            todo.append((case, file))
+    with ProcessPoolExecutor(workers) as pool:
+        waiting = {pool.submit(judge, case): (case, file) for case, file in todo}
+        for k, done in enumerate(as_completed(waiting), start=1):
+            case, file = waiting[done]
+            row = done.result()
+            file.write_text(json.dumps(row), encoding="utf-8")
+            rows.append(row)
+            said = (
+                row.get("impossible")
+                or f"{'ok ' if right(row) else 'NO '} {row['verdict']} {row['causes']} {row['rivals']}"
+            )
+            print(
+                f"{k}/{len(todo)} {case.group}: {' + '.join(case.hidden) or 'nothing'} {case.seed}: {said}", flush=True
+            )
+    return rows
+
+
+def page(rows: list[dict[str, Any]]) -> str:
+    """Write what came of it, as Markdown."""
+    rows = [row for row in rows if "impossible" not in row]
+    groups = list(dict.fromkeys(row["group"] for row in sorted(rows, key=lambda r: r["group"])))
+    lines = ["# How often the hidden effect is named", "", __doc__.split("\n\n")[0], ""]
+    lines += [f"{len(rows)} records. A record counts as right where the hidden effect is named first, or stands in the "
+              "group that the verdict `ambiguous` names; what is right elsewhere is in `benchmarks/naming.py`.", ""]  # fmt: skip
+    lines += [
+        "| records | right | of | share | extended model / true model, held out (median, 90 %) |",
+        "|---|---|---|---|---|",
+    ]
+    for group in groups:
+        these = [row for row in rows if row["group"] == group]
+        good, ratios = sum(map(right, these)), [row["ratio"] for row in these]
+        spread = f"{np.median(ratios):.3f}, {np.quantile(ratios, 0.9):.3f}"
+        lines.append(f"| {group} | {good} | {len(these)} | {100 * good / len(these):.1f} % | {spread} |")
+    lines += ["", "## By effect", "", "| hidden | " + " | ".join(g for g in groups if "strength" in g) + " | all |"]
+    lines += ["|" + "---|" * (2 + sum("strength" in g for g in groups))]
+    single = [row for row in rows if "strength" in row["group"]]
+    for name in dict.fromkeys(row["hidden"][0] for row in single):
+        cells = []
+        for group in [*(g for g in groups if "strength" in g), None]:
+            these = [row for row in single if row["hidden"][0] == name and group in (row["group"], None)]
+            cells.append(f"{sum(map(right, these))}/{len(these)}")
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    lines += ["", "## What was named instead", "", "| hidden | named first | times |", "|---|---|---|"]
+    wrong: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if not right(row):
+            said = row["causes"][0] if row["causes"] else row["verdict"]
+            key = (" + ".join(row.get("wanted") or []) or row["group"], said)
+            wrong[key] = wrong.get(key, 0) + 1
+    lines += [f"| {hidden} | {said} | {n} |" for (hidden, said), n in sorted(wrong.items())]
+    inside = [hit for row in rows if right(row) for hit in row["inside"].values()]
+    lines += ["", f"Of {len(inside)} physical parameters of rightly judged records, {100 * np.mean(inside):.1f} % lie within "
+              "their 95 % interval.", ""]  # fmt: skip
+    clean = [hit for row in rows if row["group"].startswith("clean") for hit in row["inside"].values()]
+    if clean:
+        lines += [f"On clean records, {100 * np.mean(clean):.1f} % of {len(clean)} do.", ""]
+    seconds = [row["seconds"] for row in rows]
+    lines += [f"A diagnosis took {np.median(seconds):.1f} s (median), {np.quantile(seconds, 0.95):.1f} s (95 %).", ""]
+    return "\n".join(lines)
+
+
+def _digest() -> str:
+    """Name the code that makes the diagnoses."""
+    digest = hashlib.sha256()
+    for folder in _CODE:
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.naming", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--seeds", type=int, default=4, help="of every variation; 4 are some 900 records")
+    parser.add_argument("--folder", type=Path, help="where diagnoses are kept; default build/naming/DIGEST")
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("--only", nargs="*", default=[], help="words that the group or the hidden effect must contain")
+    parser.add_argument("--out", type=Path, help="page to write; default docs/naming.md unless --only is given")
+    chosen = parser.parse_args()
+    wanted = [c for c in cases(chosen.seeds) if all(word in f"{c.group} {c.hidden}" for word in chosen.only)]
+    folder = chosen.folder or ROOT / "build" / "naming" / _digest()
+    text = page(run(wanted, folder, chosen.workers))
+    out = chosen.out or (None if chosen.only else PAGE)
+    print(text)
+    if out is not None:
+        out.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""What a fitted model could do about a change of its outputs if all were linear, the colour of the noise included.
+
+The noise is estimated from what the change leaves, not from what the model without it does: a slow effect looks like
+noise with a long memory to a model that has no word for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.discrepancy.noise import Noise, estimate
+from orchestration.discrepancy.regression import Fitted
+from orchestration.identify.problem import Problem
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+_ROUNDS = 3  # of solving with a colour and estimating the colour from what is left
+_RIDGE = 1e-9  # relative to the curvature
+_FLAT = 1e-10  # share of a change that the model could not make itself, below which there is none
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is expected of a fit.
+
+    Attributes
+    ----------
+    fall : float
+        Of the information criterion, the change costing nothing.
+    amount : float
+        Of the change that is put to use.
+    step : ndarray, shape (p,)
+        Of the searched coordinates of the model, beside it.
+    noise : dict of str to Noise
+        What is then left as noise, by output.
+    """
+
+    fall: float
+    amount: float
+    step: Array
+    noise: dict[str, Noise]
+
+
+class Linearised:
+    """A fitted model, linear in its searched coordinates.
+
+    Parameters
+    ----------
+    problem : Problem
+    fitted : Fitted
+    """
+
+    def __init__(self, problem: Problem, fitted: Fitted):
+        error, jacobian = problem.evaluate(fitted.q)
+        self._error, self._jacobian, self._present = error, jacobian, problem.present
+        self._fitted = fitted
+        believed = problem.position(problem.start)
+        self._centre = np.where(fitted.belief > 0.0, believed, fitted.q)
+        self._pull = fitted.belief * (fitted.q - self._centre)
+        low, high = problem.bounds()
+        self._room = low - fitted.q, high - fitted.q
+        white = {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2)))) for o, e in error.items()}
+        self._views = [self._view(noise) for noise in (fitted.noise, white)]
+
+    def _view(self, noise: Mapping[str, Noise]) -> tuple[Mapping[str, Noise], Array, Array, Array]:
+        """Whitened residual and Jacobian, and the inverse of the normal matrix."""
+        left, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
+        return noise, left, slopes, _inverse(slopes, self._fitted.belief)
+
+    def _whitened(self, values: Columns, noise: Mapping[str, Noise]) -> Array:
+        return np.concatenate([n.whiten(values[o], self._present[o]) for o, n in noise.items()])
+
+    def falls(self, change: Columns, least: float, most: float) -> list[float]:
+        """By how much the sum of squares would fall with some of a change: in the noise found, and in white."""
+        found = []
+        for noise, left, slopes, inverse in self._views:
+            column = self._whitened(change, noise)
+            new = column - slopes @ (inverse @ (slopes.T @ column))
+            power = float(new @ new)
+            if power <= _FLAT * float(column @ column):
+                found.append(0.0)
+                continue
+            amount = float(np.clip(-float(new @ left) / power, least, most))
+            found.append(-amount * (2.0 * float(new @ left) + amount * power))
+        return found
+
+    def outlook(self, change: Columns, least: float, most: float) -> Outlook:
+        """Solve for an amount of a change, within bounds, and the model's own coordinates beside it."""
+        noise: Mapping[str, Noise] = self._views[1][0]
+        for _ in range(_ROUNDS):
+            left, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
+            column = self._whitened(change, noise)
+            inverse = _inverse(slopes, self._fitted.belief)
+            along = inverse @ (slopes.T @ column)
+            power = float(column @ column - (slopes.T @ column) @ along)
+            pulled = slopes.T @ left + self._pull
+            wanted = -float(column @ left - along @ pulled) / power if power > 0.0 else 0.0
+            amount = float(np.clip(wanted, least, most))
+            step = np.clip(-inverse @ pulled - amount * along, *self._room)
+            rest = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
+            noise = {o: estimate(e, self._present[o]) for o, e in rest.items()}
+        below = self._fitted
+        moved = below.q + step - self._centre
+        innovations = {o: len(n.whiten(rest[o], self._present[o])) for o, n in noise.items()}
+        order = sum(len(n.coefficients) for n in noise.values()) - sum(
+            len(n.coefficients) for n in below.noise.values()
+        )
+        deviance = sum(2.0 * innovations[o] * np.log(n.deviation) for o, n in noise.items())
+        deviance += float(below.belief @ moved**2)
+        fall = below.deviance - deviance - order * np.log(below.samples)
+        return Outlook(float(fall), amount, step, dict(noise))
+
+
+def _inverse(slopes: Array, belief: Array) -> Array:
+    """Inverse of the normal matrix with what is believed; a coordinate that nothing depends on stays."""
+    curvature = slopes.T @ slopes + np.diag(belief)
+    scale = np.sqrt(np.diag(curvature))
+    scale[scale == 0.0] = 1.0
+    unit = curvature / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+    return np.asarray(np.linalg.inv(unit) / np.outer(scale, scale))
