@@ -17,7 +17,7 @@ from orchestration.discrepancy.evidence import Data, Evidence, Search
 from orchestration.discrepancy.regression import normal_inverse
 from orchestration.discrepancy.selection import Selection, select
 from orchestration.discrepancy.structure import Jump, Line, jumps, lines
-from orchestration.discrepancy.unseen import HELD_OUT, Unseen
+from orchestration.discrepancy.unseen import HELD_OUT, Prediction, Unseen
 from orchestration.identify.grey_box import Estimate
 from orchestration.identify.residuals import Whiteness, number, whiteness
 
@@ -167,7 +167,7 @@ def diagnose(
     idle = not any(np.ptp(values) > 0.0 for values in first.inputs.values())
     search = Search(first, cls, searched(cls), fixed or {}, progress)
     found = Selection(search.nominal()) if idle else select(search, effects)
-    found, simulated, notes = _confirmed(found, unseen)
+    found, predictions, notes = _confirmed(found, unseen)
     estimates = _estimates(found.best)
     differing = _differing(found.best, search.parameters)
     left = {output: _left(found.best, output, first) for output in found.best.fitted.residual}
@@ -175,22 +175,22 @@ def diagnose(
         notes.append("no input moves in this record: no effect can be told from another")
     notes += [f"{name} was not judged: {reason}" for name, reason in search.unjudged.items()]
     verdict = "ambiguous" if idle else _verdict(found, left, differing)
-    before, after = unseen.errors(simulated[0]), unseen.errors(simulated[-1])
+    before, after = predictions[0].errors, predictions[-1].errors
     return Diagnosis(verdict, found, estimates, differing, left, before, after, first, unseen, notes)
 
 
-def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[dict[str, Array]], list[str]]:
-    """Keep the steps that make the simulation better where nothing was fitted; of each what is simulated there."""
+def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Prediction], list[str]]:
+    """Keep the steps that make what nothing was fitted to more likely; of each what it says there."""
     models = [found.base, *(step.chosen for step in found.steps)]
-    simulated = [unseen.simulated(models[0])]
+    predictions = [unseen.predicted(models[0])]
     for k, richer in enumerate(models[1:]):
-        trial, noise = unseen.simulated(richer), richer.fitted.noise
-        if unseen.misfit(trial, noise) >= unseen.misfit(simulated[-1], noise):
+        prediction, noise = unseen.predicted(richer), richer.fitted.noise
+        if unseen.misfit(prediction, noise) >= unseen.misfit(predictions[-1], noise):
             dropped = ", ".join(label(model.candidate.effects[-1]) for model in models[k + 1 :])
             note = f"{dropped}: fits what was fitted to better, but not the part held out, and is not claimed"
-            return replace(found, steps=found.steps[:k]), simulated, [note]
-        simulated.append(trial)
-    return found, simulated, []
+            return replace(found, steps=found.steps[:k]), predictions, [note]
+        predictions.append(prediction)
+    return found, predictions, []
 
 
 def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from orchestration.discrepancy.candidate import Candidate, label, own_parameters
 from orchestration.discrepancy.leads import Lead, amounts, leads
 from orchestration.discrepancy.linear import Linearised, Outlook
 from orchestration.discrepancy.noise import Noise
-from orchestration.discrepancy.regression import Fitted, fit
+from orchestration.discrepancy.regression import BELIEF, Fitted, fit
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
@@ -77,17 +77,34 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class Origin:
+    """A fitted model, and where effects would move it.
+
+    Attributes
+    ----------
+    evidence : Evidence
+    seen : dict of type[Effect] to tuple of Problem and list of Lead
+    """
+
+    evidence: Evidence
+    seen: dict[type[Effect], tuple[Problem, list[Lead]]]
+
+
+@dataclass(frozen=True)
 class Prospect:
     """An effect that may be worth a fit.
 
     Attributes
     ----------
+    over : Evidence
+        The model that it is laid over, from which the fit starts.
     effect : type[Effect]
     start : dict of str to float
         Its parameters where the fit starts, SI.
     outlook : Outlook
     """
 
+    over: Evidence
     effect: type[Effect]
     start: dict[str, float]
     outlook: Outlook
@@ -116,34 +133,35 @@ class Search:
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
     unjudged: dict[str, str] = field(default_factory=dict)
-    _seen: dict[type[Effect], tuple[Problem, list[Lead]]] = field(default_factory=dict, init=False)
 
-    def nominal(self) -> Evidence:
+    def nominal(self, belief: float = BELIEF) -> Evidence:
         """Fit the model without effects."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
-        return Evidence(candidate, problem, self._fit(problem, problem.position(problem.start), None))
+        return Evidence(candidate, problem, self._fit(problem, problem.position(problem.start), None, belief))
 
-    def look(self, below: Evidence, effects: Sequence[type[Effect]]) -> None:
-        """Find where every effect would move a fitted model; kept, for what is laid over it later too."""
+    def look(self, below: Evidence, effects: Sequence[type[Effect]]) -> Origin:
+        """Find where every effect would move a fitted model; it serves for what is laid over that model later, too."""
+        seen: dict[type[Effect], tuple[Problem, list[Lead]]] = {}
 
         def one(effect: type[Effect]) -> None:
             candidate = below.candidate.with_effect(effect)
             self.progress(f"looking at {label(effect)}")
             try:
                 problem = self._searching(candidate, own_parameters(effect), {**self.fixed, **below.fitted.values})
-                self._seen[effect] = problem, leads(problem, effect)
+                seen[effect] = problem, leads(problem, effect)
             except UserError as error:
                 self.unjudged[label(effect)] = str(error)
 
         side_by_side(one, effects)
+        return Origin(below, seen)
 
-    def prospects(self, below: Evidence, effects: Sequence[type[Effect]]) -> list[Prospect]:
+    def prospects(self, origin: Origin, effects: Sequence[type[Effect]]) -> list[Prospect]:
         """Effects that may be worth a fit over a fitted model, the most promising first."""
-        model = Linearised(below.problem, below.fitted)
-        looked = [effect for effect in effects if effect in self._seen]
+        model = Linearised(origin.evidence.problem, origin.evidence.fitted)
+        looked = [effect for effect in effects if effect in origin.seen]
         falls = side_by_side(
-            lambda effect: [model.falls(lead.columns, lead.least, lead.most) for lead in self._seen[effect][1]], looked
+            lambda effect: [model.falls(lead.columns, lead.least, lead.most) for lead in origin.seen[effect][1]], looked
         )
         # the noise as it was found may have swallowed a slow effect, and white noise knows nothing of colour: ask both
         chosen: dict[tuple[type[Effect], int], Lead] = {}
@@ -155,13 +173,14 @@ class Search:
             ]
             for _, effect, found in sorted(best, key=lambda row: -row[0])[:PROMISING]:
                 k = max(range(len(found)), key=lambda k: found[k][view])
-                chosen[effect, k] = self._seen[effect][1][k]
+                chosen[effect, k] = origin.seen[effect][1][k]
 
         def expected(item: tuple[tuple[type[Effect], int], Lead]) -> Prospect:
             (effect, _), lead = item
             outlook = model.outlook(lead.columns, lead.least, lead.most)
-            problem = self._seen[effect][0]
-            return Prospect(effect, amounts(lead, problem, own_parameters(effect)[0], outlook.amount), outlook)
+            problem = origin.seen[effect][0]
+            start = amounts(lead, problem, own_parameters(effect)[0], outlook.amount)
+            return Prospect(origin.evidence, effect, start, outlook)
 
         result: dict[type[Effect], Prospect] = {}
         for prospect in sorted(side_by_side(expected, list(chosen.items())), key=lambda p: -p.outlook.fall):
@@ -169,8 +188,9 @@ class Search:
                 result.setdefault(prospect.effect, prospect)
         return list(result.values())[:PROMISING]
 
-    def extended(self, below: Evidence, prospect: Prospect) -> Evidence:
+    def extended(self, prospect: Prospect) -> Evidence:
         """Fit a model with one more effect."""
+        below = prospect.over
         candidate = below.candidate.with_effect(prospect.effect)
         self.progress(f"fitting {candidate.name}")
         problem = self._problem(candidate)
@@ -178,9 +198,9 @@ class Search:
         q = problem.position(problem.start | beside | prospect.start)
         return Evidence(candidate, problem, self._fit(problem, q, prospect.outlook.noise))
 
-    def _fit(self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None) -> Fitted:
+    def _fit(self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, belief: float = BELIEF) -> Fitted:
         physical = np.array([name in self.parameters and not name.endswith("_start") for name in problem.names])
-        return fit(problem, q, noise, physical)
+        return fit(problem, q, noise, physical, belief)
 
     def _problem(self, candidate: Candidate) -> Problem:
         return self._searching(candidate, [*self.parameters, *candidate.parameters], self.fixed)

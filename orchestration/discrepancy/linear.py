@@ -7,7 +7,7 @@ noise with a long memory to a model that has no word for it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,10 @@ class Outlook:
     amount: float
     step: Array
     noise: dict[str, Noise]
+
+    def still(self) -> Outlook:
+        """The same without a step."""
+        return replace(self, step=np.zeros_like(self.step))
 
 
 class Linearised:

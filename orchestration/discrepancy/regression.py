@@ -66,7 +66,13 @@ class Fitted:
         return self.deviance + self.parameters * float(np.log(self.samples))
 
 
-def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physical: NDArray[np.bool_]) -> Fitted:
+def fit(
+    problem: Problem,
+    start: Array,
+    noise: Mapping[str, Noise] | None,
+    physical: NDArray[np.bool_],
+    belief: float = BELIEF,
+) -> Fitted:
     """Fit the searched parameters of a problem, and the colour of its noise in turn.
 
     Parameters
@@ -77,7 +83,9 @@ def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physi
     noise : Mapping of str to Noise, optional
         By output, to begin with; None takes white noise of the size of the residual.
     physical : ndarray of bool, shape (p,)
-        Parameters of which something is believed, see `BELIEF`.
+        Parameters of which something is believed.
+    belief : float
+        How wide that is, see `BELIEF`.
 
     Returns
     -------
@@ -92,13 +100,13 @@ def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physi
     centre = problem.position(problem.start)
     held = np.flatnonzero(physical & np.isfinite(centre))
     weight = np.zeros(len(centre))
-    weight[held] = BELIEF**-2
+    weight[held] = belief**-2
 
     def settled(q: Array, colours: Mapping[str, Noise]) -> Fitted:
         """Fit with a colour and estimate the colour from what is left, in turn."""
         best: Fitted | None = None
         for _ in range(_PASSES):
-            q = _minimised(problem, q, colours, held, centre)
+            q = _minimised(problem, q, colours, weight, centre)
             fitted = _assessed(problem, q, weight, centre)
             if best is not None and best.bic - fitted.bic < _SETTLED:
                 return min(best, fitted, key=lambda f: f.bic)
@@ -117,10 +125,10 @@ def fit(problem: Problem, start: Array, noise: Mapping[str, Noise] | None, physi
     return found
 
 
-def _minimised(
-    problem: Problem, q: Array, colours: Mapping[str, Noise], held: NDArray[np.intp], centre: Array
-) -> Array:
+def _minimised(problem: Problem, q: Array, colours: Mapping[str, Noise], weight: Array, centre: Array) -> Array:
     """Fit with noise of a known colour."""
+    held = np.flatnonzero(weight)
+    root = np.sqrt(weight[held])
     size = sum(p.sum() for p in problem.present.values())
 
     def rows(q: Array) -> Array:
@@ -131,13 +139,13 @@ def _minimised(
                 raise
             return np.full(size, np.inf)  # a point to step back from
         return np.concatenate(
-            [*(colours[o].whiten(e, problem.present[o]) for o, e in error.items()), (q - centre)[held] / BELIEF]
+            [*(colours[o].whiten(e, problem.present[o]) for o, e in error.items()), root * (q - centre)[held]]
         )
 
     def slopes(q: Array) -> Array:
         jacobian = problem.evaluate(q)[1]
         prior = np.zeros((len(held), len(q)))
-        prior[np.arange(len(held)), held] = 1.0 / BELIEF
+        prior[np.arange(len(held)), held] = root
         return np.vstack([*(colours[o].whiten(j, problem.present[o]) for o, j in jacobian.items()), prior])
 
     q = minimise(rows, slopes, q, *problem.neighbourhood(q))

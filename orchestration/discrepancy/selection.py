@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fmus.kit import Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidate import label
-from orchestration.discrepancy.evidence import Evidence, Prospect, Search, side_by_side
+from orchestration.discrepancy.evidence import Evidence, Origin, Prospect, Search, side_by_side
 
 ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
 RIVAL = 6.0  # within which another candidate counts as not told apart
 MOST = 3  # effects that are looked for
 AT_ONCE = 2
 HOPELESS = 0.1  # of what another has gained already
+# A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
+# would add to that tells little. Where one held this close to nominal (in the logarithm) is this much less likely,
+# effects are looked at from both.
+NEAR_NOMINAL = 0.1
+STRAYED = 50.0
 
 
 @dataclass(frozen=True)
@@ -80,13 +85,14 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
     -------
     Selection
     """
-    base = search.nominal()
-    search.look(base, effects)
+    base, near = search.nominal(), search.nominal(NEAR_NOMINAL)
+    strayed = near.fitted.deviance - base.fitted.deviance > STRAYED
+    origins = [search.look(model, effects) for model in ([base, near] if strayed else [base])]
     found = Selection(base, tried=len(effects))
     left = list(effects)
     while len(found.steps) < MOST:
         below = found.best
-        ranked = _fitted(search, below, left)
+        ranked = _fitted(search, below, origins, left)
         better = [row for row in ranked if row[1] > ACCEPT]
         if not better:
             found.rejected.extend(ranked)
@@ -97,26 +103,42 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
         found.steps.append(Step(chosen, gain, chosen.p_value(below, found.tried), rivals, rejected))
         named = {label(effect) for effect in chosen.candidate.effects}
         left = [effect for effect in left if label(effect) not in named]
+        nearest = min(origins, key=lambda origin: _distance(origin.evidence, chosen))
+        origins = [Origin(chosen, nearest.seen)]
     return found
 
 
-def _fitted(search: Search, below: Evidence, effects: Sequence[type[Effect]]) -> list[tuple[Evidence, float]]:
-    """Promising effects over a model, fitted, the best first."""
-    result: list[tuple[Evidence, float]] = []
-    prospects = search.prospects(below, effects)
-    while prospects:
-        # what the best of them gains tells which of the others still has a chance
-        batch, prospects = prospects[:AT_ONCE], prospects[AT_ONCE:]
-        fits = side_by_side(lambda prospect: _tried(search, below, prospect), batch)
-        result += [(found, found.over(below, len(effects))) for found in fits if found]
-        gained = max((below.fitted.deviance - e.fitted.deviance for e, _ in result), default=0.0)
-        prospects = [prospect for prospect in prospects if prospect.outlook.fall > HOPELESS * gained]
-    return sorted(result, key=lambda row: -row[1])
+def _distance(one: Evidence, other: Evidence) -> float:
+    """How far apart two models are in the parameters that both have."""
+    shared = set(one.problem.names) & set(other.problem.names)
+    pairs = [(e.fitted.q[e.problem.names.index(n)] for e in (one, other)) for n in shared]
+    return float(sum((a - b) ** 2 for a, b in pairs))
+
+
+def _fitted(
+    search: Search, below: Evidence, origins: Sequence[Origin], effects: Sequence[type[Effect]]
+) -> list[tuple[Evidence, float]]:
+    """Promising effects over a model, fitted from every origin, the best first."""
+    best: dict[type[Effect], Evidence] = {}
+    for origin in origins:
+        prospects = search.prospects(origin, effects)
+        while prospects:
+            # what the best of them gains tells which of the others still has a chance
+            batch, prospects = prospects[:AT_ONCE], prospects[AT_ONCE:]
+            for found in filter(None, side_by_side(lambda prospect: _tried(search, below, prospect), batch)):
+                effect = found.candidate.effects[-1]
+                best[effect] = min(best.get(effect, found), found, key=lambda e: e.fitted.bic)
+            gained = max((origin.evidence.fitted.deviance - e.fitted.deviance for e in best.values()), default=0.0)
+            prospects = [prospect for prospect in prospects if prospect.outlook.fall > HOPELESS * gained]
+    return sorted(((e, e.over(below, len(effects))) for e in best.values()), key=lambda row: -row[1])
 
 
 def _tried(search: Search, below: Evidence, prospect: Prospect) -> Evidence | None:
     try:
-        return search.extended(below, prospect)
+        found = search.extended(prospect)
+        if found.fitted.deviance > below.fitted.deviance:  # it contains that model, so the search was lost
+            found = search.extended(replace(prospect, over=below, outlook=prospect.outlook.still()))
     except UserError as error:
         search.unjudged[label(prospect.effect)] = str(error)
         return None
+    return found

@@ -13,6 +13,7 @@ from scipy.stats import norm
 Array = NDArray[np.float64]
 _ALARM = 1e-9  # probability of seeing any of it in noise; a hum or a slip that matters is far beyond
 _END = 4
+_AFTER = 4  # samples after a step of an input in which no jump is seen
 _NEIGHBOURS = 61  # frequencies that tell how large the spectrum is about one of them
 
 
@@ -116,7 +117,7 @@ def jumps(residual: Array, time: Array, inputs: Mapping[str, Array]) -> list[Jum
     for values in inputs.values():
         change = np.abs(np.diff(values))
         moved |= change > 0.01 * np.ptp(values) if np.ptp(values) > 0.0 else False
-    moved |= np.roll(moved, 1)  # a record may show an input a sample early or late
-    moved |= np.roll(moved, -1)
+    # a record may show an input a sample early, and what a model makes of a step is least right just after it
+    moved = np.convolve(moved, np.ones(_AFTER + 2), "full")[1 : len(moved) + 1] > 0.0
     p = np.minimum(1.0, 2.0 * len(difference) * norm.sf(np.abs(difference) / spread))
     return [Jump(float(time[k + 1]), float(difference[k]), float(p[k])) for k in np.flatnonzero((p < _ALARM) & ~moved)]

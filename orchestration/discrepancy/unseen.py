@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,29 @@ from orchestration.identify.residuals import normalised_rms
 
 Array = NDArray[np.float64]
 HELD_OUT = 1.0 / 3.0  # of a record, its end
+_RIDGE = 1e-9  # relative, to what is known of a parameter
 _RUN_IN = 1.0 / 6.0  # of a record of its own: there the states at its start are estimated, and nothing is judged
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a fitted model says of unseen data.
+
+    Attributes
+    ----------
+    evidence : Evidence
+    simulated : dict of str to ndarray, shape (n,)
+        Outputs over the whole of the data, SI.
+    slopes : dict of str to ndarray, shape (n, p)
+        Their derivatives by the searched coordinates.
+    errors : dict of str to float
+        Normalised RMS error of every output, where nothing was fitted.
+    """
+
+    evidence: Evidence
+    simulated: dict[str, Array]
+    slopes: dict[str, Array]
+    errors: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -66,18 +89,45 @@ class Unseen:
 
     def simulated(self, evidence: Evidence) -> dict[str, Array]:
         """Outputs of a fitted model over the whole of the data, SI."""
-        signals = evidence.problem.model.run(self.data.time, self.data.inputs, self.values(evidence)).signals
-        return {o: signals[o] for o in self.data.measured}
+        return self.predicted(evidence).simulated
 
-    def errors(self, simulated: dict[str, Array]) -> dict[str, float]:
+    def predicted(self, evidence: Evidence) -> Prediction:
+        """Simulate a fitted model."""
+        problem = evidence.problem
+        ran = problem.model.run(self.data.time, self.data.inputs, self.values(evidence))
+        by = np.array([scale.slope(q) for scale, q in zip(problem.scales, evidence.fitted.q, strict=True)])
+        signals = {o: ran.signals[o] for o in self.data.measured}
+        return Prediction(evidence, signals, {o: ran.sensitivities[o] * by for o in signals}, self.errors(signals))
+
+    def errors(self, simulated: Mapping[str, Array]) -> dict[str, float]:
         """Normalised RMS error of every output, where nothing was fitted."""
         return {o: normalised_rms(y[self.first :], simulated[o][self.first :]) for o, y in self.data.measured.items()}
 
-    def misfit(self, simulated: dict[str, Array], noise: dict[str, Noise]) -> float:
-        """Sum of the squared innovations where nothing was fitted, in units of their variance."""
-        total = 0.0
+    def misfit(self, prediction: Prediction, noise: Mapping[str, Noise]) -> float:
+        """Minus twice the logarithm of how likely a model makes the unseen data, in noise that is given.
+
+        What the fit left open in the parameters is granted: with their covariance P and the derivatives J of the
+        innovations r, the innovations have the covariance I + J P J'.
+        """
+        evidence, left, slopes = prediction.evidence, [], []
         for output, y in self.data.measured.items():
             present = np.isfinite(y)
             present[: self.first] = False
-            total += float((noise[output].whiten((simulated[output] - y)[present], present) ** 2).sum())
-        return total
+            left.append(noise[output].whiten((prediction.simulated[output] - y)[present], present))
+            slopes.append(noise[output].whiten(prediction.slopes[output][present], present))
+        fitted, problem = evidence.fitted, evidence.problem
+        seen = np.vstack([noise[o].whiten(j, problem.present[o]) for o, j in problem.evaluate(fitted.q)[1].items()])
+        r, j = np.concatenate(left), np.concatenate(slopes)
+        return float(r @ r) - _granted(seen.T @ seen + np.diag(fitted.belief), j.T @ j, j.T @ r)
+
+
+def _granted(information: Array, more: Array, pull: Array) -> float:
+    """How much less the deviance is because parameters are uncertain: less misfit, more spread."""
+    scale = np.sqrt(np.diag(information + more))
+    seen = scale > 0.0
+    outer = np.outer(scale[seen], scale[seen])
+    ridge = _RIDGE * np.eye(seen.sum())
+    before = information[np.ix_(seen, seen)] / outer + ridge
+    after = before + more[np.ix_(seen, seen)] / outer
+    p = pull[seen] / scale[seen]
+    return float(p @ np.linalg.solve(after, p) - np.linalg.slogdet(after)[1] + np.linalg.slogdet(before)[1])
