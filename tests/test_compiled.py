@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserError, stack
+from fmus.kit import compiled as kit_compiled
 from fmus.kit.compiled import CompiledModel
 from fmus.kit.sensitivity import with_sensitivities
 from fmus.kit.trace import trace
@@ -17,6 +18,13 @@ from orchestration.stimuli import multilevel, square_wave
 
 ELECTRICAL = {"R1": 0.61, "R2": 1.9, "C": 2.2, "charge_start": 0.7}
 MECHANICAL = {"k1": 5000.0, "b1": 2e5, "k2": 8000.0, "b2": 9e4, "kelvin_elongation_start": 2e-5}
+
+
+@pytest.fixture(params=["compiled", "interpreted"], autouse=True)
+def engine(request, monkeypatch):
+    """Every claim holds with a C compiler and without."""
+    monkeypatch.setattr(kit_compiled, "_compiler", lambda: request.param == "compiled")
+    return request.param
 
 
 class Sampled(Component):

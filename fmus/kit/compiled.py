@@ -1,7 +1,7 @@
 """Running a component over a whole record as compiled C, with exact sensitivities: the fast path for fitting.
 
 The same laws, tables and integrator as in the native FMU (``fmi2/record.c`` in place of the FMI front-end), compiled
-once for this machine and kept in the user's cache folder.
+once for this machine and kept in the user's cache folder. Without a C compiler CasADi interprets the laws instead.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from . import archive, codegen, toolchain
 from .component import Component
 from .errors import UserError
 from .hoist import hoist
+from .interpreted import Interpreted
 from .sensitivity import with_sensitivities
 from .trace import Graph, trace
 
@@ -58,7 +59,7 @@ class CompiledModel:
     Raises
     ------
     UserError
-        If there can be no sensitivity to a name (see :func:`.with_sensitivities`), or there is no C compiler.
+        If there can be no sensitivity to a name (see :func:`.with_sensitivities`).
     """
 
     def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
@@ -67,7 +68,7 @@ class CompiledModel:
         self.names = list(sensitivities)
         self._graph = with_sensitivities(base, self.names)
         hoisted, self._hoisted = hoist(self._graph)
-        self._simulate = _load(hoisted)
+        self._engine = _Library(hoisted) if _compiler() else Interpreted(hoisted)
 
     def run(
         self,
@@ -117,16 +118,9 @@ class CompiledModel:
         n = len(time)
         fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
-        outputs = np.empty((n, len(layout.outputs)))
-        states = np.empty((n, len(layout.states) + len(layout.discretes)))
-        message = ctypes.create_string_buffer(1024)
-        failed = self._simulate(
-            n, _pointer(np.ascontiguousarray(time, dtype=float)), _pointer(table), int(linear),
-            _pointer(np.concatenate([given, self._hoisted(given).full()[:, 0]])), self._graph.tolerance,
-            effort, _pointer(outputs), _pointer(states), message, len(message),
-        )  # fmt: skip
-        if failed:
-            raise UserError(message.value.decode(errors="replace"))
+        everything = np.concatenate([given, self._hoisted(given).full()[:, 0]])
+        times = np.ascontiguousarray(time, dtype=float)
+        outputs, states = self._engine.simulate(times, table, linear, everything, self._graph.tolerance, effort)
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
         continuous, discrete = np.split(states, [len(layout.states)], axis=1)
@@ -142,6 +136,38 @@ class CompiledModel:
 
 def _pointer(array: Array) -> object:
     return array.ctypes.data_as(_DOUBLES)
+
+
+def _compiler() -> bool:
+    """Whether there is a C compiler."""
+    try:
+        toolchain.find_compiler(toolchain.host_platform())
+    except UserError:
+        return False
+    return True
+
+
+class _Library:
+    """A graph, compiled."""
+
+    def __init__(self, graph: Graph):
+        self._function = _load(graph)
+        layout = graph.layout
+        self._outputs, self._states = len(layout.outputs), len(layout.states) + len(layout.discretes)
+
+    def simulate(
+        self, time: Array, table: Array, linear: bool, parameters: Array, tolerance: float, effort: float
+    ) -> tuple[Array, Array]:
+        """Run over a record, as :meth:`Interpreted.simulate`."""
+        outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
+        message = ctypes.create_string_buffer(1024)
+        failed = self._function(
+            len(time), _pointer(time), _pointer(table), int(linear), _pointer(parameters), tolerance, effort,
+            _pointer(outputs), _pointer(states), message, len(message),
+        )  # fmt: skip
+        if failed:
+            raise UserError(message.value.decode(errors="replace"))
+        return outputs, states
 
 
 def _load(graph: Graph) -> Any:

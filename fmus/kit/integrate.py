@@ -19,7 +19,7 @@ from .errors import UserError
 SMALLEST_STEP = 1e-14
 MOST_STEPS = 1_000_000
 # Times this close are the same instant: hosts round, and late in a simulation more than a share of the period.
-_SAME_INSTANT, _ROUNDING = 1e-9, 1e-15  # relative to the period, and to the time
+SAME_INSTANT, ROUNDING = 1e-9, 1e-15  # relative to the period, and to the time
 
 
 def _unrolled(names: list[str], batch: bool) -> str:
@@ -151,7 +151,7 @@ class Integrator:
             for index, group in enumerate(self.groups):
                 period = self._period(group[0])
                 instant = self.start_time + self.counters[index] * period
-                slack = _SAME_INSTANT * period + _ROUNDING * abs(end)
+                slack = SAME_INSTANT * period + ROUNDING * abs(end)
                 if instant <= time + slack:
                     self._sample(time, index)
                     instant = self.start_time + self.counters[index] * period

@@ -75,7 +75,7 @@ class Problem:
     Raises
     ------
     UserError
-        If a name is unknown or its parameter is not real, or there is no C compiler.
+        If a name is unknown or its parameter is not real.
     """
 
     def __init__(
