@@ -187,13 +187,20 @@ def diagnose(
     mapping: Map = None,
     settings: Set = None,
     effects: Annotated[str | None, _option("--effects", help="Only these, e.g. diffusion,sensor_lag(voltage).")] = None,
+    holdout: Annotated[
+        Path | None, _option("--holdout", help="Another record to judge by; default the last third of the record.")
+    ] = None,
     result: Annotated[Path | None, _option("--json", help="JSON file for the verdict and its figures.")] = None,
+    report: Annotated[
+        Path | None, _option("--report", help="Page (.html) with all of it, to look at and pass on.")
+    ] = None,
 ) -> None:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen."""
     from orchestration import screen_diagnose
 
     wanted = [name.strip() for name in (effects or "").split(",") if name.strip()]
-    screen_diagnose.run(record, model, mapping or [], settings or [], wanted, result)
+    files = screen_diagnose.Files(record, holdout, result, report)
+    screen_diagnose.run(files, model, mapping or [], settings or [], wanted, ["ppy", *sys.argv[1:]])
 
 
 @app.command()

@@ -1,9 +1,8 @@
-"""Interactive plots, as plotly.js takes them: panels above one shared axis, drawn from no more points than can be seen."""
+"""Interactive plots, as plotly.js takes them: panels above one shared axis, thinned out to what can be seen."""
 
 from __future__ import annotations
 
 import base64
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.records.clock import GAP_FACTOR
+from orchestration.report import escaped
 
 Array = NDArray[np.float64]
 MOST = 8000  # points of a trace; of more, the smallest and the largest of each of half as many bins are drawn
-_LONGEST = 44  # characters of a panel's title, which must fit on a phone
 _TITLE, _LEGEND, _STRIP, _BOTTOM = 26, 34, 18, 46  # pixels
 _GREY, _GRID, _INK = "#9aa5af", "#e3e8ec", "#1c2733"
 _FONT = {"family": "system-ui, sans-serif", "size": 13, "color": _INK}
@@ -57,6 +56,8 @@ class Panel:
     traces : list of Trace
     band : pair of float, optional
         A range to be marked.
+    span : pair of float, optional
+        Range of the axis; that of the traces if it is not given.
     logarithmic : bool
     """
 
@@ -64,6 +65,7 @@ class Panel:
     height: int
     traces: list[Trace]
     band: tuple[float, float] | None = None
+    span: tuple[float, float] | None = None
     logarithmic: bool = False
 
 
@@ -103,13 +105,16 @@ def envelope(x: Array, y: Array) -> tuple[Array, Array]:
 def broken(x: Array, y: Array) -> tuple[Array, Array]:
     """Break a line where a record has a gap, so that nothing is drawn where nothing was measured."""
     step = np.diff(x, prepend=np.nan, append=np.nan)
-    near = np.fmax(np.fmax(step[:-2], step[2:]), 0.0)
-    after = np.flatnonzero(step[1:-1] > GAP_FACTOR * near) + 1
+    after = np.flatnonzero(step[1:-1] > GAP_FACTOR * np.fmax(step[:-2], step[2:])) + 1
     return np.insert(x, after, 0.5 * (x[after] + x[after - 1])), np.insert(y, after, np.nan)
 
 
 def stacked(
-    panels: Sequence[Panel], across: str, logarithmic: bool = False, boundary: Boundary | None = None
+    panels: Sequence[Panel],
+    across: str,
+    logarithmic: bool = False,
+    boundary: Boundary | None = None,
+    marks: Sequence[tuple[float, str]] = (),
 ) -> dict[str, Any]:
     """Draw panels, one above the other.
 
@@ -121,6 +126,8 @@ def stacked(
     logarithmic : bool
         Whether that axis is.
     boundary : Boundary, optional
+    marks : sequence of float and str
+        Places on the horizontal axis, and what is there.
 
     Returns
     -------
@@ -128,25 +135,28 @@ def stacked(
         ``data`` and ``layout``.
     """
     inner = sum(panel.height + _TITLE for panel in panels)
-    top = _LEGEND + (_STRIP if boundary else 0)
+    top = _LEGEND + (_STRIP if boundary or marks else 0)
     layout: dict[str, Any] = {
         "height": inner + top + _BOTTOM, "font": _FONT, "hovermode": "x unified", "hoversubplots": "axis",
         "margin": {"l": 62, "r": 8, "t": top, "b": _BOTTOM}, "paper_bgcolor": "#fff", "plot_bgcolor": "rgba(0,0,0,0)",
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "top", "yref": "container",
-                   "groupclick": "togglegroup", "font": {"size": 13}},
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "xref": "container", "y": 1, "yanchor": "top",
+                   "yref": "container", "groupclick": "togglegroup", "font": {"size": 13}},
         "hoverlabel": {"font": {"size": 12}}, "shapes": [], "annotations": [],
-        "xaxis": _axis(logarithmic) | {"title": {"text": across, "standoff": 8}, "anchor": _y(len(panels) - 1)},
+        "xaxis": _axis(logarithmic)
+        | {"title": {"text": across, "standoff": 8, "font": _FONT}, "anchor": _y(len(panels) - 1)},
     }  # fmt: skip
     data: list[dict[str, Any]] = []
     named: set[str] = set()
     down = 0
     for k, panel in enumerate(panels):
         high, low = inner - down - _TITLE, inner - down - _TITLE - panel.height
-        layout[f"yaxis{k + 1}"] = _axis(panel.logarithmic) | {"domain": [low / inner, high / inner], "nticks": 5}
-        layout["annotations"].append(_note(_short(panel.title), 0.0, high / inner, "left"))
+        ends: dict[str, Any] = {"domain": [low / inner, high / inner], "nticks": 5}
+        ends |= {"range": list(panel.span)} if panel.span else {}
+        layout[_y(k).replace("y", "yaxis")] = _axis(panel.logarithmic) | ends
+        layout["annotations"].append(_note(panel.title, 0.0, high / inner, "left"))
         if panel.band:
-            ends = {"y0": panel.band[0], "y1": panel.band[1]}
-            layout["shapes"].append(_box(ends | {"xref": "paper", "x0": 0, "x1": 1, "yref": _y(k)}, "#e8eef3"))
+            ends = {"y0": panel.band[0], "y1": panel.band[1], "xref": "paper", "x0": 0, "x1": 1, "yref": _y(k)}
+            layout["shapes"].append(_box(ends, "#e1e5e8"))
         for trace in panel.traces:
             data.append(_drawn(trace, k, bool(trace.label) and trace.label not in named))
             named.add(trace.label)
@@ -159,8 +169,12 @@ def stacked(
         line = {"color": "#b98a2f", "width": 1, "dash": "dash"}
         layout["shapes"].append({**ends, "type": "line", "x1": boundary.place, "line": line})
         for text, side, shift in ((f"{boundary.before} ◂", "right", -3), (f"▸ {boundary.after}", "left", 3)):
-            note = _note(text, place, 1.0, side)
-            layout["annotations"].append(note | {"xref": "x", "xshift": shift, "font": {"size": 12, "color": "#8a6116"}})
+            more = {"xref": "x", "xshift": shift, "font": {"size": 12, "color": "#8a6116"}}
+            layout["annotations"].append(_note(text, place, 1.0, side) | more)
+    for place, text in marks:
+        ends = {"xref": "x", "x0": place, "x1": place, "yref": "paper", "y0": 0, "y1": 1}
+        name = {"text": text, "textposition": "end", "textangle": 0, "xanchor": "right", "font": {"size": 12}}
+        layout["shapes"].append({**ends, "type": "line", "line": {"color": "#b98a2f", "dash": "dot"}, "label": name})
     return {"data": data, "layout": layout}
 
 
@@ -168,7 +182,7 @@ def _drawn(trace: Trace, panel: int, in_legend: bool) -> dict[str, Any]:
     x, y = envelope(*broken(trace.x, trace.y))
     return {
         "type": "scatter", "mode": "lines", "x": _packed(x, "<f8"), "y": _packed(y, "<f4"), "xaxis": "x",
-        "yaxis": _y(panel), "name": html.escape(trace.label), "legendgroup": trace.label, "showlegend": in_legend,
+        "yaxis": _y(panel), "name": escaped(trace.label), "legendgroup": trace.label, "showlegend": in_legend,
         "line": trace.style, "hovertemplate": "%{y:.5~g}", "connectgaps": False, **trace.more,
     }  # fmt: skip
 
@@ -179,14 +193,14 @@ def _packed(values: Array, kind: str) -> dict[str, str]:
 
 
 def _axis(logarithmic: bool) -> dict[str, Any]:
-    about = {"type": "log", "dtick": 1} if logarithmic else {"type": "linear"}
-    shown = {"exponentformat": "power"} if logarithmic else {"exponentformat": "none", "hoverformat": ".6~g"}
+    about = {"type": "log"} if logarithmic else {"type": "linear"}
+    shown = {"tickformat": "~g"} if logarithmic else {"exponentformat": "none", "hoverformat": ".6~g"}
     line = {"gridcolor": _GRID, "zerolinecolor": _GREY, "linecolor": _GREY, "showline": True, "ticks": "outside"}
     return {**about, **shown, **line, "tickcolor": _GREY, "tickfont": {"size": 12}, "automargin": False}
 
 
 def _note(text: str, x: float, y: float, side: str) -> dict[str, Any]:
-    return {"text": html.escape(text), "x": x, "y": y, "xref": "paper", "yref": "paper", "xanchor": side,
+    return {"text": escaped(text), "x": x, "y": y, "xref": "paper", "yref": "paper", "xanchor": side,
             "yanchor": "bottom", "showarrow": False, "font": {"size": 13, "color": _INK}}  # fmt: skip
 
 
@@ -196,9 +210,3 @@ def _box(ends: dict[str, Any], colour: str) -> dict[str, Any]:
 
 def _y(panel: int) -> str:
     return f"y{panel + 1}" if panel else "y"
-
-
-def _short(text: str) -> str:
-    """Shorten a long name in its middle; its unit at the end stays."""
-    half = (_LONGEST - 1) // 2
-    return text if len(text) <= _LONGEST else f"{text[:half]}…{text[-half:]}"

@@ -26,16 +26,21 @@ div.views button { font: inherit; font-size: 0.9rem; padding: 0.25rem 0.8rem; bo
 div.views button:hover, div.views button:focus-visible { background: #eef3f7 }
 @media print { div.views { display: none } }
 """
-# a finger scrolls the page and does not zoom by accident; the plot's own buttons still do
+# a finger scrolls the page and does not zoom by accident; the buttons do
 _DRAW = """
 const touch = matchMedia("(pointer: coarse)").matches;
 for (const place of document.querySelectorAll("div.plot")) {
   const figure = JSON.parse(place.nextElementSibling.textContent);
   if (touch) figure.layout.dragmode = false;
-  const hidden = ["lasso2d", "select2d", "autoScale2d"];
-  Plotly.newPlot(place, figure.data, figure.layout,
-    {responsive: true, displaylogo: false, modeBarButtonsToRemove: hidden, displayModeBar: touch ? false : "hover"});
-  for (const button of place.parentElement.querySelectorAll("button")) {
+  Plotly.newPlot(place, figure.data, figure.layout, {responsive: true, displayModeBar: false}).then(() => {
+    const more = place.querySelector(".legend").getBoundingClientRect().height - 30;
+    if (more > 0) { // the legend has taken more lines than one, and gets the room
+      const height = figure.layout.height + more;
+      place.style.height = height + "px";
+      Plotly.relayout(place, {height: height, "margin.t": figure.layout.margin.t + more});
+    }
+  });
+  for (const button of place.parentElement.querySelectorAll(".views button")) {
     const range = JSON.parse(button.dataset.range);
     button.onclick = () => Plotly.relayout(place, range ? {"xaxis.range": range} : {"xaxis.autorange": true});
   }
@@ -87,7 +92,11 @@ class Page:
     def table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Add a table of texts."""
         columns = "".join(f"<th>{escaped(cell)}</th>" for cell in head)
-        body = "".join("<tr>" + "".join(f"<td>{escaped(c)}</td>" for c in row) + "</tr>" for row in rows)
+        labels = ["" if isinstance(cell, Markup) else escaped(cell) for cell in head]  # told where a row is stacked
+        body = ""
+        for row in rows:
+            cells = (f'<td data-label="{name}">{escaped(cell)}</td>' for name, cell in zip(labels, row, strict=True))
+            body += f"<tr>{''.join(cells)}</tr>"
         self.parts.append(f'<div class="table"><table><tr>{columns}</tr>{body}</table></div>')
 
     def picture(self, file: Path, caption: str) -> None:
@@ -120,7 +129,7 @@ class Page:
         text = escaped(caption)
         data = json.dumps(figure, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
         self.parts.append(
-            f'<figure>{f"<div class=views>{buttons}</div>" if buttons else ""}'
+            f"<figure>{f'<div class=views>{buttons}</div>' if buttons else ''}"
             f'<div class="plot" role="img" aria-label="{text}" style="height:{figure["layout"]["height"]}px"></div>'
             f'<script type="application/json">{data}</script><figcaption>{text}</figcaption></figure>'
         )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,52 +18,123 @@ from orchestration.compare import read_for
 from orchestration.discrepancy.candidate import catalogue, label
 from orchestration.discrepancy.diagnosis import Diagnosis, diagnose
 from orchestration.discrepancy.evidence import Data
-from orchestration.records import parse_mapping
+from orchestration.discrepancy.page import Context, page
+from orchestration.discrepancy.words import last, sentence
+from orchestration.models import Model
+from orchestration.records import Record, parse_mapping
 from orchestration.screen import out, plain_table, progress, tell_repairs
 
 if TYPE_CHECKING:
     from fmus.kit import Effect
 
-_SENTENCES = {
-    "consistent": "The model is consistent with the record: nothing is wrong beyond noise.",
-    "recalibrate": "The structure of the model is fine; parameters differ from nominal: {differing}.",
-    "cause": "What the model gets wrong: {causes}.",
-    "ambiguous": "Something is wrong that this record cannot tell apart: {causes}{rivals}.",
-    "unexplained": "Something is left that nothing in the catalogue accounts for: {left}.",
-}
+
+@dataclass(frozen=True)
+class Files:
+    """What is read and written.
+
+    Attributes
+    ----------
+    record : Path
+    holdout : Path, optional
+        Another record to judge by.
+    result, report : Path, optional
+        JSON and HTML to write.
+    """
+
+    record: Path
+    holdout: Path | None = None
+    result: Path | None = None
+    report: Path | None = None
+
+    def check(self) -> None:
+        """Refuse, before any work is done, names under which nothing can be written or something would be lost.
+
+        Raises
+        ------
+        UserError
+        """
+        read = {"the record": self.record, "the record held out": self.holdout}
+        written = {"--json": self.result, "--report": self.report}
+        for option, path in written.items():
+            if path is None:
+                continue
+            if _is_there(option, path) and path.is_dir():
+                raise UserError(f"{option} {path}: this is a folder; name a file in it")
+            for what, source in read.items():
+                if source is not None and _same(path, source):
+                    raise UserError(f"{option} {path}: this is {what} itself; it will not be overwritten")
+        if self.result is not None and self.report is not None and _same(self.result, self.report):
+            raise UserError(f"--json and --report both name {self.report}")
+        if self.report is not None and self.report.suffix.lower() not in (".html", ".htm"):
+            raise UserError(f"--report {self.report}: its name must end in .html")
+        if self.holdout is not None and _same(self.record, self.holdout):
+            raise UserError(f"--holdout {self.holdout}: this is the record itself; nothing would be held out")
 
 
 def run(
-    path: Path, name: str, mapping: Sequence[str], settings: Sequence[str], wanted: Sequence[str], result: Path | None
-) -> None:
-    """Do ``ppy diagnose``.
+    files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], wanted: Sequence[str],
+    command: Sequence[str],
+) -> None:  # fmt: skip
+    """Do ``ppy diagnose``; the command is told in the report.
 
     Raises
     ------
     UserError
-        If the record or the model cannot be used, or an effect is unknown.
+        If a record or the model cannot be used, an effect is unknown, or something could not be written.
     """
-    if result is not None and result.exists() and path.exists() and result.samefile(path):
-        raise UserError(f"--json {result}: this is the record itself; it will not be overwritten")
+    files.check()
     with progress() as tell:
         tell(f"building {name} unless it is there")
         model = models.find_model(name)
         if model.cls is None:
             raise UserError(f"{name} is an FMU without equations; name a component (see ppy list) or file.py:Class")
-        given = model.settings(settings)
-        record = read_for(model, path, parse_mapping(mapping))
+        given, renamed = model.settings(settings), parse_mapping(mapping)
+        record = read_for(model, files.record, renamed)
         tell_repairs(record.repairs)
-        inputs = {n: values for n, values in record.signals.items() if n in model.inputs}
-        inputs |= {n: np.full(record.time.size, value) for n, value in given.items() if n in model.inputs}
-        real = {n for n, signal in model.outputs.items() if signal.type == "real"}
-        measured = {n: values for n, values in record.signals.items() if n in real}
-        chosen = _chosen(catalogue(model.cls, models.catalogue(model.cls), measured), wanted)
+        data = _data(model, record, given)
+        other = holdout = None
+        if files.holdout is not None:
+            other = read_for(model, files.holdout, renamed)
+            tell_repairs([replace(r, message=f"{files.holdout.name}: {r.message}") for r in other.repairs])
+            holdout = _judged(_data(model, other, given), data, files.holdout)
+        chosen = _chosen(catalogue(model.cls, models.catalogue(model.cls), data.measured), wanted)
         fixed = {n: value for n, value in given.items() if n in model.parameters}
-        found = diagnose(model.cls, Data(record.time, inputs, measured), chosen, fixed, tell)
+        found = diagnose(model.cls, data, chosen, fixed, tell, holdout)
+        if files.report is not None:
+            tell("drawing the report")
+            page(found, Context(record, model, command, chosen, other)).write(files.report)
     _show(found)
-    if result is not None:
-        archive.write(result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
-        out.print(f"wrote {result}", markup=False)
+    if files.result is not None:
+        archive.write(files.result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
+    for path in filter(None, (files.result, files.report)):
+        out.print(f"wrote {path}", markup=False)
+
+
+def _same(a: Path, b: Path) -> bool:
+    return a.absolute() == b.absolute() or (a.exists() and b.exists() and a.samefile(b))
+
+
+def _is_there(option: str, path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:  # such as a name that is too long
+        raise UserError(f"{option} {path}: {error.strerror}") from error
+
+
+def _data(model: Model, record: Record, given: Mapping[str, float]) -> Data:
+    """Split a record into inputs and real outputs; inputs that the user gives are constant."""
+    inputs = {n: values for n, values in record.signals.items() if n in model.inputs}
+    inputs |= {n: np.full(record.time.size, value) for n, value in given.items() if n in model.inputs}
+    real = {n for n, signal in model.outputs.items() if signal.type == "real"}
+    return Data(record.time, inputs, {n: values for n, values in record.signals.items() if n in real})
+
+
+def _judged(holdout: Data, data: Data, path: Path) -> Data:
+    """Leave out what only the held-out record has: no model was fitted to it."""
+    measured = {n: values for n, values in holdout.measured.items() if n in data.measured}
+    if not measured:
+        raise UserError(f"--holdout {path}: it has none of the outputs of the record, {', '.join(data.measured)}")
+    return replace(holdout, measured=measured)
 
 
 def _chosen(known: Sequence[type[Effect]], wanted: Sequence[str]) -> list[type[Effect]]:
@@ -73,20 +145,6 @@ def _chosen(known: Sequence[type[Effect]], wanted: Sequence[str]) -> list[type[E
         if name not in names and name not in ids:
             raise UserError(f"--effects: no effect named {name!r}{suggestion(name, [*ids, *names])}")
     return [effect for effect in known if not wanted or effect.id in wanted or label(effect) in wanted]
-
-
-def sentence(found: Diagnosis) -> str:
-    """The verdict in one sentence."""
-    rivals = [e.candidate.name.split(" + ")[-1] for step in found.selection.steps for e in step.rivals]
-    left = []
-    for output, rest in found.left.items():
-        left += [f"a line at {line.frequency:.3g} Hz in {output}" for line in rest.lines[:1]]
-        left += [f"{len(rest.jumps)} jumps of {output}"] if rest.jumps else []
-    words = {
-        "differing": ", ".join(found.differing), "causes": ", ".join(found.causes) or "no input moves",
-        "rivals": f" or {', '.join(rivals)}" if rivals else "", "left": "; ".join(left),
-    }  # fmt: skip
-    return _SENTENCES[found.verdict].format(**words)
 
 
 def _show(found: Diagnosis) -> None:
@@ -102,12 +160,12 @@ def _show(found: Diagnosis) -> None:
     out.print()
     rows = plain_table("evidence", "effect", "fall of BIC", "verdict")
     for step in found.selection.steps:
-        rows.add_row(label(step.chosen.candidate.effects[-1]), f"{step.gain:.1f}", "named")
+        rows.add_row(last(step.chosen), f"{step.gain:.1f}", "named")
         for rival in step.rivals:
             fall = step.gain - (rival.fitted.bic - step.chosen.fitted.bic)
-            rows.add_row(rival.candidate.name.split(" + ")[-1], f"{fall:.1f}", "not told apart")
+            rows.add_row(last(rival), f"{fall:.1f}", "not told apart")
     for evidence, gain in found.selection.rejected[:5]:
-        rows.add_row(label(evidence.candidate.effects[-1]), f"{gain:.1f}", "rejected")
+        rows.add_row(last(evidence), f"{gain:.1f}", "rejected")
     out.print(rows)
     out.print()
     rows = plain_table("parameters", "name", "value", "95 % interval", "nominal")

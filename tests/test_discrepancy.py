@@ -13,9 +13,10 @@ from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy import evidence
 from orchestration.discrepancy.candidate import Candidate, catalogue, label, own_parameters
 from orchestration.discrepancy.diagnosis import diagnose, searched
-from orchestration.discrepancy.evidence import Data, Search
+from orchestration.discrepancy.evidence import Data
 from orchestration.discrepancy.noise import ORDER, Noise, estimate, segments
 from orchestration.discrepancy.structure import jumps, lines
 from orchestration.identify.damped import minimise
@@ -210,9 +211,9 @@ def test_what_is_written_is_json_as_others_read_it(tmp_path):
 
 
 def test_an_effect_that_cannot_be_simulated_is_told(monkeypatch):
-    def fails_to(self, below, project, candidate, own):
+    def fails_to(problem, effect):
         raise UserError("no derivative there")
 
-    monkeypatch.setattr(Search, "_score", fails_to)
+    monkeypatch.setattr(evidence, "leads", fails_to)
     found = diagnose(PpyActuator, record(None), FEW[:1])
     assert found.notes == ["strain_saturation was not judged: no derivative there"]

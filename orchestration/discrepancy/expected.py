@@ -17,14 +17,14 @@ from scipy.signal import lfilter
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.evidence import Evidence
 from orchestration.discrepancy.noise import ORDER, Noise
-from orchestration.discrepancy.regression import BELIEF
+from orchestration.discrepancy.regression import BELIEF, normal_inverse
 from orchestration.identify.damped import minimise
 
 Array = NDArray[np.float64]
 _PASSES = 2  # of refitting and estimating the colour of what is left
 _MEMORY = 4000  # samples after which noise has forgotten
 _TRIALS = 12  # of a refit: it is an expectation to a factor, not an estimate
-_EFFORT = 2000.0  # internal steps per sample, beyond which a model has become too stiff
+_EFFORT = 200.0  # internal steps per sample, beyond which a model has become too stiff
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,9 @@ def linearised(right: Evidence, wrong: Evidence, truth: Response, other: Respons
     for _ in range(_PASSES):
         rows = np.concatenate([_white(colours[o], other.signals[o] - truth.signals[o]) for o in other.signals])
         columns = np.vstack([_white(colours[o], slopes) for o, slopes in other.slopes.items()])
-        belief = _belief(wrong)
-        step = -np.linalg.lstsq(np.vstack([columns, belief]), np.append(rows, np.zeros(len(belief))), rcond=1e-10)[0]
+        seen, inverse = normal_inverse(np.vstack([columns, _belief(wrong)]))
+        step = np.zeros(columns.shape[1])
+        step[seen] = -inverse @ (columns[:, seen].T @ rows)
         left = {o: other.signals[o] - truth.signals[o] + other.slopes[o] @ step for o in other.signals}
         colours = _colours(right, left)
     return _fall(right, wrong, colours, len(next(iter(left.values()))))
@@ -113,7 +114,8 @@ def refitted(
         Where the wrong model starts.
     """
     low, high = wrong.problem.bounds()
-    colours, belief, begin = right.fitted.noise, _belief(wrong), np.clip(q, low, high)
+    belief, begin = _belief(wrong), np.clip(q, low, high)
+    colours: Mapping[str, Noise] = right.fitted.noise
     kept: dict[bytes, Response] = {}
 
     def response(q: Array) -> Response:
@@ -133,12 +135,20 @@ def refitted(
     def slopes(q: Array) -> Array:
         return np.vstack([*(_white(colours[o], j) for o, j in response(q).slopes.items()), belief])
 
-    at = begin
-    for _ in range(_PASSES):
-        at = minimise(rows, slopes, at, low, high, 1e-3, _TRIALS)
-        shown = response(at).signals
-        colours = _colours(right, {o: y - truth.signals[o] for o, y in shown.items()})
-    return _fall(right, wrong, colours, len(time))
+    falls = []
+    # a colour that swallows what is wrong and white noise that does not lead to different ends: a fit takes the better
+    for first in (right.fitted.noise, {o: Noise(np.empty(0), _size(right, o)) for o in right.fitted.noise}):
+        at, colours = begin, first
+        for _ in range(_PASSES):
+            at = minimise(rows, slopes, at, low, high, 1e-3, _TRIALS)
+            shown = response(at).signals
+            colours = _colours(right, {o: y - truth.signals[o] for o, y in shown.items()})
+        falls.append(_fall(right, wrong, colours, len(time)))
+    return min(falls)
+
+
+def _size(right: Evidence, output: str) -> float:
+    return float(np.sqrt(_covariance(right.fitted.noise[output])[0]))
 
 
 def _white(noise: Noise, values: Array) -> Array:

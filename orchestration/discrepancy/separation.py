@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,19 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration import stimuli
 from orchestration.discrepancy.candidate import label
-from orchestration.discrepancy.evidence import Data, Evidence
+from orchestration.discrepancy.evidence import Data, Evidence, side_by_side
 from orchestration.discrepancy.expected import Response, at_rest, linearised, refitted, respond
 from orchestration.discrepancy.selection import Selection
 from orchestration.discrepancy.unseen import HELD_OUT
 
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
+T = TypeVar("T")
 ENOUGH = 10.0  # fall of BIC below which an experiment is not worth its time
 _ROUNDS = 2  # of exchanging the shape of every input
 _JUDGED = 3  # experiments that are judged for good
+_RIVALS = 3  # of one step, the best, that are looked at
+_ABOUT = 0.02  # relative difference of evidence that is none
 _STAYS = (600.0, 120.0, 25.0)  # shortest stays, as shares of the duration: what answers at once, what creeps
 _AMOUNTS = ("value", "levels", "initial")  # keys with the unit of the input
 _SHAPES: dict[str, Callable[..., Array]] = {
@@ -55,6 +58,9 @@ class Stimulus:
     def values(self, time: Array) -> Array:
         """Signal over time (n,), SI."""
         return _SHAPES[self.kind](time, **self.keys)
+
+
+Experiment = dict[str, Stimulus]
 
 
 @dataclass(frozen=True)
@@ -149,7 +155,7 @@ class Separation:
         limits = "; ".join(f"{n} {low:g} to {high:g} {declared[n]}" for n, (low, high) in self.limits.items())
         lines = [f"# {self.sentence()}", f"# Limits kept: {limits}.", *self._comments()]
         physics = [effect for effect in self.model.candidate.effects if not effect.output]
-        lines += [f"title = {_text(title or self.sentence())}", f"component = {_text(component)}"]
+        lines += [f"title = {_text(title or self._title())}", f"component = {_text(component)}"]
         lines += [f"effects = {_value([effect.id for effect in physics])}"] if physics else []
         lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
         lines += [f"record = {_value(list(self.model.fitted.residual))}", "", "[parameters]"]
@@ -164,6 +170,10 @@ class Separation:
                 unit = declared[name] if key in _AMOUNTS else ""
                 lines.append(f"{key} = {_value(value, unit)}")
         return "\n".join(lines) + "\n"
+
+    def _title(self) -> str:
+        names = list(dict.fromkeys(e.right for e in self.expected))
+        return f"Telling apart {', '.join(names)}" if names else "Every input moves"
 
     def _comments(self) -> list[str]:
         if not self.expected:
@@ -219,20 +229,18 @@ def design(
         for seed, (name, ends) in enumerate(within.items(), start=1)
     }
     broad = {name: menu[0] for name, menu in menus.items()}
-    groups = [[s.chosen, *s.rivals] for s in found.steps if s.rivals]
+    groups = [[s.chosen, *s.rivals[:_RIVALS]] for s in found.steps if s.rivals]
     if not groups:
         return Separation(broad, length, step, [], found.best, within)
     time = np.arange(round((1.0 - HELD_OUT) * length / step) + 1, dtype=float) * step  # what a diagnosis fits to
-    look = _Look(groups, time, progress)
-    look.at(broad)
-    chosen = broad
+    look, chosen = _Look(groups, time, progress), broad
     for _ in range(_ROUNDS):
         before = chosen
         for name, menu in menus.items():
-            chosen = max(({**chosen, name: stimulus} for stimulus in menu), key=look.at)
+            chosen = look.best([chosen, *({**chosen, name: new} for new in menu if new != chosen[name])])
         if chosen == before:
             break
-    best, expected = look.judged()
+    best, expected = look.judged(chosen)
     return Separation(best, length, step, expected, groups[0][0], within)
 
 
@@ -244,48 +252,53 @@ class _Look:
         models = {id(model): model for group in groups for model in group}
         self.starts = {key: (model, at_rest(model)) for key, model in models.items()}
         self.time, self.progress = time, progress
-        self.seen: list[tuple[float, dict[str, Stimulus]]] = []
+        self.seen: list[tuple[float, Experiment]] = []
 
-    def at(self, chosen: dict[str, Stimulus]) -> float:
-        """Return the least evidence over all pairs, as far as they are linear; none where a simulation fails."""
-        for least, seen in self.seen:
-            if seen == chosen:
-                return least
+    def best(self, trials: Sequence[Experiment]) -> Experiment:
+        """Return the trial of which most is to be expected of the hardest pair, as far as models are linear."""
+        fresh = [trial for trial in trials if all(trial != seen for _, seen in self.seen)]
+        self.seen += zip(side_by_side(self._least, fresh), fresh, strict=True)
+        ranked = [next((least, seen) for least, seen in self.seen if seen == trial) for trial in trials]
+        return _foremost(ranked)
+
+    def _least(self, chosen: Experiment) -> float:
         self.progress(f"looking at {', '.join(f'{s.kind} {n}' for n, s in chosen.items())}")
         try:
             responses = self._responses(chosen)
-            least = min(linearised(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
         except UserError:
-            least = -np.inf
-        self.seen.append((least, chosen))
-        return least
+            return -np.inf
+        return min(linearised(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
 
-    def judged(self) -> tuple[dict[str, Stimulus], list[Expected]]:
-        """Return the best experiment with the wrong model refitted for good, and what is to be expected of it."""
-        found = []
-        for least, chosen in sorted(self.seen, key=lambda row: -row[0])[:_JUDGED]:
-            if least == -np.inf:
-                continue
-            self.progress("refitting rivals over a designed experiment")
-            responses = self._responses(chosen)
-            inputs = self._inputs(chosen)
-            expected = [
-                Expected(_name(a), _name(b),
-                         refitted(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]))
-                for a, b in self.pairs
-            ]  # fmt: skip
-            found.append((min(e.bic for e in expected), chosen, expected))
-        if not found:
-            raise UserError("the rivals cannot be simulated over any stimulus within these limits")
-        _, chosen, expected = max(found, key=lambda row: row[0])
-        return chosen, expected
+    def judged(self, chosen: Experiment) -> tuple[Experiment, list[Expected]]:
+        """Return the chosen experiment, or one of the next best, by what is left after the wrong model is refitted."""
+        others = sorted((row for row in self.seen if row[1] != chosen), key=lambda row: -row[0])
+        trials = [chosen, *(trial for least, trial in others[: _JUDGED - 1] if least > -np.inf)]
+        found = side_by_side(self._expected, trials)
+        rows = [
+            (min(e.bic for e in expected), (trial, expected)) for trial, expected in zip(trials, found, strict=True)
+        ]
+        return _foremost(rows)
 
-    def _inputs(self, chosen: Mapping[str, Stimulus]) -> dict[str, Array]:
+    def _expected(self, chosen: Experiment) -> list[Expected]:
+        self.progress("refitting rivals over a designed experiment")
+        responses, inputs = self._responses(chosen), self._inputs(chosen)
+        return [
+            Expected(_name(a), _name(b), refitted(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]))
+            for a, b in self.pairs
+        ]
+
+    def _inputs(self, chosen: Experiment) -> dict[str, Array]:
         return {name: stimulus.values(self.time) for name, stimulus in chosen.items()}
 
-    def _responses(self, chosen: Mapping[str, Stimulus]) -> dict[int, Response]:
+    def _responses(self, chosen: Experiment) -> dict[int, Response]:
         inputs = self._inputs(chosen)
         return {key: respond(model, self.time, inputs, q) for key, (model, q) in self.starts.items()}
+
+
+def _foremost(ranked: Sequence[tuple[float, T]]) -> T:
+    """Return the first that is about as good as the best: those before are broader, and tell of more."""
+    best = max(value for value, _ in ranked)
+    return next(item for value, item in ranked if value >= best - _ABOUT * abs(best) or value == best)
 
 
 def _name(model: Evidence) -> str:

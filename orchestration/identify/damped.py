@@ -44,7 +44,8 @@ def minimise(
     jacobian = slopes(q)
     for _ in range(most):
         gradient, curvature = jacobian.T @ error, jacobian.T @ jacobian
-        moved = _step(gradient, curvature, damping, np.maximum(low - q, -_STRIDE), np.minimum(high - q, _STRIDE))
+        moved = _step(gradient, curvature, damping, low - q, high - q)
+        moved *= min(1.0, _STRIDE / max(np.abs(moved).max(initial=0.0), np.finfo(float).tiny))
         trial = np.clip(q + moved, low, high)
         moved = trial - q
         predicted = -float(2.0 * gradient @ moved + moved @ curvature @ moved)

@@ -76,7 +76,7 @@ def _fill_input(
     samples: Samples, name: str, values: NDArray[np.float64], missing: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """Interpolate the short holes of an input linearly in time."""
-    for first, end in _runs(missing):
+    for first, end in runs(missing):
         rows = samples.rows[first:end]
         span = f"row {rows[0]}" if end - first == 1 else f"rows {rows[0]} to {rows[-1]}"
         if first == 0 or end == values.size:
@@ -99,13 +99,23 @@ def _fill_input(
     return filled
 
 
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Find the runs of True."""
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Find the runs of True.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    list of tuple of int
+        First of each, and the one after its last.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
     return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def notice_channels(samples: Samples, units: dict[str, str]) -> None:
+def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[str] = ()) -> None:
     """Note channels that are constant, quantised or clipped, in place.
 
     Parameters
@@ -114,6 +124,8 @@ def notice_channels(samples: Samples, units: dict[str, str]) -> None:
         The repaired samples.
     units : dict of str to str
         Unit of every signal.
+    inputs : collection of str
+        The signals that drive the model: they may have few levels and rest at their ends, as they were made to.
     """
     for name, values in samples.values.items():
         valid = values[~np.isnan(values)]
@@ -122,6 +134,8 @@ def notice_channels(samples: Samples, units: dict[str, str]) -> None:
         if levels.size == 1:
             message = f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or held so)"
             samples.repairs.append(Repair("constant", message))
+            continue
+        if name in inputs:
             continue
         _notice_quantised(samples, name, levels, valid.size, unit)
         _notice_clipped(samples, name, values, levels, unit)
@@ -149,7 +163,7 @@ def _notice_clipped(
     for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
         at_level = values == level
         share = float(at_level.mean())
-        stretches = _runs(at_level)
+        stretches = runs(at_level)
         longest = max(stretches, key=lambda run: run[1] - run[0])
         length = longest[1] - longest[0]
         if share >= CLIPPED_SHARE and length >= CLIPPED_RUN:

@@ -66,7 +66,7 @@ def read_record(
         repair_clock(samples)
         repair_holes(samples, inputs, required)
         declared = {name: signals[name] for name in samples.values}
-        notice_channels(samples, declared)
+        notice_channels(samples, declared, inputs)
     return Record(samples.time, samples.values, declared, path, samples.repairs)
 
 
