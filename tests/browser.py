@@ -1,0 +1,126 @@
+"""A real Chromium without a window, spoken to in its own DevTools protocol over a pipe; nothing else is needed."""
+
+from __future__ import annotations
+
+import base64
+import fcntl
+import json
+import os
+import select
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+_PATIENCE = 60.0  # seconds for one answer
+_FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+)  # fmt: skip
+
+
+class Tab:
+    """A page, and all that it said and asked for."""
+
+    def __init__(self, read: int, write: int):
+        self._read, self._write, self._buffer, self._count = read, write, b"", 0
+        self._session: str | None = None
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        self._loaded = 0
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """Ask for something and wait for the answer."""
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": parameters}
+        message |= {"sessionId": self._session} if self._session else {}
+        os.write(self._write, json.dumps(message).encode() + b"\0")
+        while (answer := self._next()).get("id") != self._count:
+            self._note(answer)
+        assert "error" not in answer, answer
+        return answer["result"]
+
+    def attach(self) -> None:
+        """Begin to listen."""
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+
+    def open(self, page: Path, width: int, height: int = 900) -> None:
+        """Load a file in a window of this size and wait until it stands."""
+        mobile = width < 600
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
+        self.call("Emulation.setTouchEmulationEnabled", enabled=mobile)
+        before = self._loaded
+        self.requests.clear()
+        self.complaints.clear()
+        self.call("Page.navigate", url=page.absolute().as_uri())
+        while self._loaded == before:
+            self._note(self._next())
+        self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def run(self, script: str) -> Any:
+        """Value of an expression in the page; a promise is waited for."""
+        answer = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
+
+    def screenshot(self, file: Path, whole: bool = True) -> None:
+        """Draw what is seen, or the whole page."""
+        data = self.call("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
+        file.write_bytes(base64.b64decode(data))
+
+    def _next(self) -> dict[str, Any]:
+        until = time.monotonic() + _PATIENCE
+        while b"\0" not in self._buffer:
+            ready, _, _ = select.select([self._read], [], [], max(until - time.monotonic(), 0.0))
+            assert ready, "the browser does not answer"
+            more = os.read(self._read, 1 << 20)
+            assert more, "the browser has gone"
+            self._buffer += more
+        first, _, self._buffer = self._buffer.partition(b"\0")
+        found: dict[str, Any] = json.loads(first)
+        return found
+
+    def _note(self, event: dict[str, Any]) -> None:
+        method, about = event.get("method"), event.get("params", {})
+        if method == "Network.requestWillBeSent":
+            self.requests.append(about["request"]["url"])
+        elif method == "Runtime.exceptionThrown":
+            self.complaints.append(str(about["exceptionDetails"]))
+        elif method == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning", "assert"):
+            self.complaints.append(str(about["args"]))
+        elif method == "Log.entryAdded" and about["entry"]["level"] in ("error", "warning"):
+            self.complaints.append(about["entry"]["text"])
+        elif method == "Page.loadEventFired":
+            self._loaded += 1
+
+
+@contextmanager
+def chromium(program: str, profile: Path) -> Iterator[Tab]:
+    """Start a browser in a fresh profile, and end it afterwards."""
+    ours, theirs = os.pipe(), os.pipe()
+    # away from 3 and 4, where the browser looks for its two ends
+    read, write = (fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (ours[0], theirs[1]))
+    for fd in (ours[0], theirs[1]):
+        os.close(fd)
+    command = ["bash", "-c", f'exec "$@" 3<&{read} 4>&{write}', "bash", program, *_FLAGS, f"--user-data-dir={profile}"]
+    process = subprocess.Popen(command, pass_fds=(read, write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    os.close(read)
+    os.close(write)
+    try:
+        tab = Tab(theirs[0], ours[1])
+        tab.attach()
+        yield tab
+        tab._session = None
+        tab.call("Browser.close")
+        process.wait(_PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+        os.close(theirs[0])
+        os.close(ours[1])
