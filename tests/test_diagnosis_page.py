@@ -176,7 +176,7 @@ def test_what_is_left_and_not_judged_is_told(made):
     assert told.count("A jump of 0.1 mm at 10") == 5
     assert "2 more jumps." in told
     assert "What could not be judged a note" in told
-    assert "no input moves in this record" in words_of(made["idle"])
+    assert "no input moves: neither a cause nor a parameter can be judged" in words_of(made["idle"])
     assert "current stays at 0.5 A; force stays at 0.5 N." in words_of(made["idle"])
 
 

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from fmus.kit import Component, Effect
+from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError
+from orchestration.discrepancy.associations import Shown, show
 from orchestration.discrepancy.candidate import label
+from orchestration.discrepancy.data_quality import judge
 from orchestration.discrepancy.evidence import Data, Evidence, Search
 from orchestration.discrepancy.regression import normal_inverse
 from orchestration.discrepancy.selection import Selection, select
-from orchestration.discrepancy.structure import Jump, Line, jumps, lines
+from orchestration.discrepancy.structure import Jump, Line, jumps, lines, startled
 from orchestration.discrepancy.unseen import HELD_OUT, Prediction, Unseen
 from orchestration.identify.grey_box import Estimate
 from orchestration.identify.residuals import Whiteness, number, whiteness
@@ -25,6 +28,8 @@ Array = NDArray[np.float64]
 _DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
 _MATTERS = 0.02  # relative difference below which that is not worth a word
 _SHORTEST = 200  # samples to fit to
+_BEYOND_DOUBT = 1e-4  # probability of what counts as structure that is left
+_FEWEST = 20  # samples without which an output tells nothing
 
 
 @dataclass(frozen=True)
@@ -37,11 +42,26 @@ class Left:
     jumps : list of Jump
     whiteness : Whiteness
         Of the innovations.
+    startled : float
+        How probable it is in noise that innovations are so much larger where an input steps.
+    shown : Shown
+        What it goes along with, where it is larger than elsewhere, and whether it wanders.
     """
 
     lines: list[Line]
     jumps: list[Jump]
     whiteness: Whiteness
+    startled: float
+    shown: Shown
+
+    @property
+    def texts(self) -> list[str]:
+        """What cannot be noise, beside lines and jumps: one line each, the most telling first."""
+        shown = self.shown
+        found = ["it wanders slowly"] if shown.slow.significant else []
+        found += ["it is worse where an input steps"] if self.startled < _BEYOND_DOUBT else []
+        found += [region.text for region in shown.regions if region.p_value < _BEYOND_DOUBT]
+        return found + [a.text for a in shown.associations if a.p_value < _BEYOND_DOUBT]
 
 
 @dataclass(frozen=True)
@@ -53,7 +73,7 @@ class Diagnosis:
     verdict : {"consistent", "recalibrate", "cause", "ambiguous", "unexplained"}
     selection : Selection
     estimates : dict of str to Estimate
-        Of the best model.
+        Of the best model, fitted to all that was measured.
     differing : list of str
         Parameters that differ from nominal, the surest first.
     left : dict of str to Left
@@ -64,6 +84,8 @@ class Diagnosis:
         What was fitted to.
     unseen : Unseen
         What was held out.
+    final : Evidence
+        The best model fitted to all that was measured, now that its gain is known; the estimates are its.
     notes : list of str
         What could not be judged, and why.
     """
@@ -77,6 +99,7 @@ class Diagnosis:
     after: dict[str, float]
     data: Data
     unseen: Unseen
+    final: Evidence
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -157,26 +180,46 @@ def diagnose(
     Raises
     ------
     UserError
-        If the model cannot be simulated over the record.
+        If the model cannot be simulated over the record, or no output can be trusted.
     """
+    least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
+    if len(data.time) < least:
+        raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
+    data, notes = _trusted(cls, data, fixed or {})
+    if holdout is not None:
+        holdout, more = _trusted(cls, holdout, fixed or {})
+        notes += [f"in the record held out: {note}" for note in more if note not in notes]
     unseen = Unseen.end_of(data) if holdout is None else Unseen.another(holdout)
     first = data.part(0, unseen.first) if holdout is None else data
-    if len(first.time) < _SHORTEST:
-        least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
-        raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
     idle = not any(np.ptp(values) > 0.0 for values in first.inputs.values())
     search = Search(first, cls, searched(cls), fixed or {}, progress)
     found = Selection(search.nominal()) if idle else select(search, effects)
-    found, predictions, notes = _confirmed(found, unseen)
-    estimates = _estimates(found.best)
-    differing = _differing(found.best, search.parameters)
-    left = {output: _left(found.best, output, first) for output in found.best.fitted.residual}
-    if idle:
-        notes.append("no input moves in this record: no effect can be told from another")
+    found, predictions, dropped = _confirmed(found, unseen)
+    notes += dropped
+    final = replace(search, data=data).refitted(found.best) if unseen.continued else found.best
+    estimates = _estimates(final)
+    differing = _differing(final, search.parameters)
+    shown = show(found.best, first)
+    left = {output: _left(found.best, output, first, shown[output]) for output in found.best.fitted.residual}
     notes += [f"{name} was not judged: {reason}" for name, reason in search.unjudged.items()]
     verdict = "ambiguous" if idle else _verdict(found, left, differing)
     before, after = predictions[0].errors, predictions[-1].errors
-    return Diagnosis(verdict, found, estimates, differing, left, before, after, first, unseen, notes)
+    return Diagnosis(verdict, found, estimates, differing, left, before, after, first, unseen, final, notes)
+
+
+def _trusted(cls: type[Component], data: Data, fixed: Mapping[str, float]) -> tuple[Data, list[str]]:
+    """Leave out what cannot be trusted before a model is blamed; what the model shows too is no fault of the data."""
+    try:
+        simulated = CompiledModel(cls).run(data.time, data.inputs, fixed).signals
+    except UserError:
+        simulated = {}
+    kept, findings = judge(data, {o: simulated[o] for o in data.measured if o in simulated})
+    told = [finding.message for finding in sorted(findings, key=lambda f: bool(f.channel))]
+    enough = {o: y for o, y in kept.measured.items() if np.isfinite(y).sum() >= _FEWEST}
+    told += [f"{o}: too few samples to say anything" for o in kept.measured if o not in enough]
+    if not enough:
+        raise UserError("; ".join(told))
+    return replace(kept, measured=enough), told
 
 
 def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Prediction], list[str]]:
@@ -195,6 +238,9 @@ def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Predic
 
 def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str]) -> str:
     if any(rest.lines or rest.jumps for rest in left.values()):
+        return "unexplained"
+    # what was named is never quite of the form that the catalogue gives it, and that leaves something
+    if not found.steps and any(rest.texts for rest in left.values()):
         return "unexplained"
     if found.steps:
         return "ambiguous" if any(step.rivals for step in found.steps) else "cause"
@@ -233,9 +279,12 @@ def _differing(evidence: Evidence, parameters: Sequence[str]) -> list[str]:
     return sorted(chosen, key=lambda name: -chosen[name])
 
 
-def _left(evidence: Evidence, output: str, data: Data) -> Left:
+def _left(evidence: Evidence, output: str, data: Data, shown: Shown) -> Left:
     residual = evidence.fitted.residual[output]
     present = evidence.problem.present[output]
     time, inputs = data.time[present], {name: values[present] for name, values in data.inputs.items()}
     step = float(np.median(np.diff(data.time)))
-    return Left(lines(residual, step), jumps(residual, time, inputs), whiteness(evidence.fitted.innovation[output]))
+    white = whiteness(evidence.fitted.innovation[output])
+    at = evidence.fitted.noise[output].kept(present)
+    surprise = startled(evidence.fitted.innovation[output], at, data.inputs)
+    return Left(lines(residual, step), jumps(residual, time, inputs), white, surprise, shown)

@@ -24,6 +24,7 @@ from orchestration.identify.problem import Problem
 Array = NDArray[np.float64]
 PROMISING = 8  # effects that are fitted, if they are worth it
 WORTH = 5.0  # fall that is expected of a fit, below which it cannot come to what is accepted
+_ALIKE = 1e-6  # share of what an effect does, in power, below which other parameters do the same
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -156,6 +157,17 @@ class Search:
         side_by_side(one, effects)
         return Origin(below, seen)
 
+    def silent(self, origin: Origin) -> dict[str, str]:
+        """Effects that a record says nothing of, whatever they do, and why."""
+        model = Linearised(origin.evidence.problem, origin.evidence.fitted)
+        found = {}
+        for effect, (_, seen) in origin.seen.items():
+            if not any(column.any() for lead in seen for column in lead.columns.values()):
+                found[label(effect)] = "it leaves no trace in what was measured"
+            elif all(model.own(lead.columns) < _ALIKE for lead in seen):
+                found[label(effect)] = "on this record other parameters do the same"
+        return found
+
     def prospects(self, origin: Origin, effects: Sequence[type[Effect]]) -> list[Prospect]:
         """Effects that may be worth a fit over a fitted model, the most promising first."""
         model = Linearised(origin.evidence.problem, origin.evidence.fitted)
@@ -197,6 +209,13 @@ class Search:
         beside = below.problem.values(below.fitted.q + np.clip(prospect.outlook.step, -_STRIDE, _STRIDE))
         q = problem.position(problem.start | beside | prospect.start)
         return Evidence(candidate, problem, self._fit(problem, q, prospect.outlook.noise))
+
+    def refitted(self, found: Evidence) -> Evidence:
+        """Fit a model that was found on another part of the record to this one."""
+        self.progress(f"fitting {found.candidate.name} to all of the record")
+        problem = self._problem(found.candidate)
+        q = problem.position(problem.start | found.fitted.values)
+        return Evidence(found.candidate, problem, self._fit(problem, q, found.fitted.noise))
 
     def _fit(self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, belief: float = BELIEF) -> Fitted:
         physical = np.array([name in self.parameters and not name.endswith("_start") for name in problem.names])

@@ -66,7 +66,7 @@ def extended(found: Diagnosis, record: str) -> type[Component]:
     """
     if found.verdict == "ambiguous" and not found.selection.steps:
         raise UserError(f"{record}: {'; '.join(found.notes)}; there is nothing to make an FMU of")
-    best = found.selection.best
+    best = found.final
     cls, values = best.candidate.cls, best.problem.start | best.fitted.values
     defaults = {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters if values[p.name] != p.start}
     made = stack(cls, name=f"{cls.name}_fitted", defaults=defaults)
@@ -183,8 +183,7 @@ def export(
 def measured_gain(found: Diagnosis, fmu: Path) -> Gain:
     """Run the extended model's FMU, and that of the refitted base, over the data held out.
 
-    The extended model's FMU runs with its own defaults. Where the data held out are a record of their own, it is given
-    the states at their start, which are estimated on samples that are not judged.
+    Both run with what was fitted to the other data: the defaults of the extended model's FMU have seen all of them.
 
     Parameters
     ----------
@@ -203,10 +202,7 @@ def measured_gain(found: Diagnosis, fmu: Path) -> Gain:
     """
     unseen, best, base = found.unseen, found.selection.best, found.selection.base
     set_before = _settable(base.candidate.cls, unseen.values(base))
-    set_after: dict[str, float] = {}
-    if not unseen.continued:
-        values = _settable(best.candidate.cls, unseen.values(best))
-        set_after = {f"{s.name}_start": values[f"{s.name}_start"] for s in best.candidate.cls.layout.states}
+    set_after = _settable(best.candidate.cls, unseen.values(best))
     before = _run(build_cached(base.candidate.cls, "native"), set_before, found)
     after = _run(fmu, set_after, found)
     white = {}

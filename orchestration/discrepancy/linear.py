@@ -92,6 +92,14 @@ class Linearised:
             found.append(-amount * (2.0 * float(new @ left) + amount * power))
         return found
 
+    def own(self, change: Columns) -> float:
+        """Share of a change, in power, that the model's own coordinates cannot make."""
+        _, _, slopes, inverse = self._views[1]
+        column = self._whitened(change, self._views[1][0])
+        power = float(column @ column)
+        new = column - slopes @ (inverse @ (slopes.T @ column))
+        return float(new @ new) / power if power > 0.0 else 0.0
+
     def outlook(self, change: Columns, least: float, most: float) -> Outlook:
         """Solve for an amount of a change, within bounds, and the model's own coordinates beside it."""
         noise: Mapping[str, Noise] = self._views[1][0]

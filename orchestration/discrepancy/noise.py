@@ -45,6 +45,12 @@ class Noise:
         pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
         return np.concatenate(pieces) if pieces else values[:0]
 
+    @staticmethod
+    def kept(present: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return the samples that innovations belong to."""
+        where = np.flatnonzero(present)
+        return np.concatenate([where[:0], *(where[a + ORDER : b] for a, b in segments(present))])
+
     def _filtered(self, piece: Array) -> Array:
         n = len(piece)
         result = piece[ORDER:].copy()

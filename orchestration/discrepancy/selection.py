@@ -88,6 +88,7 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
     base, near = search.nominal(), search.nominal(NEAR_NOMINAL)
     strayed = near.fitted.deviance - base.fitted.deviance > STRAYED
     origins = [search.look(model, effects) for model in ([base, near] if strayed else [base])]
+    search.unjudged |= search.silent(origins[0])
     found = Selection(base, tried=len(effects))
     left = list(effects)
     while len(found.steps) < MOST:

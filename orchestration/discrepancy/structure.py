@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.stats import norm
+from scipy.stats import f, norm
 
 Array = NDArray[np.float64]
 _ALARM = 1e-9  # probability of seeing any of it in noise; a hum or a slip that matters is far beyond
 _END = 4
+_FEW = 10  # samples with steps of an input that it takes to judge them
 _AFTER = 4  # samples after a step of an input in which no jump is seen
 _NEIGHBOURS = 61  # frequencies that tell how large the spectrum is about one of them
 
@@ -113,11 +114,30 @@ def jumps(residual: Array, time: Array, inputs: Mapping[str, Array]) -> list[Jum
     spread = float(np.median(np.abs(difference - np.median(difference)))) / float(norm.ppf(0.75))
     if spread == 0.0:
         return []
-    moved = np.zeros(len(difference), dtype=bool)
-    for values in inputs.values():
-        change = np.abs(np.diff(values))
-        moved |= change > 0.01 * np.ptp(values) if np.ptp(values) > 0.0 else False
     # a record may show an input a sample early, and what a model makes of a step is least right just after it
-    moved = np.convolve(moved, np.ones(_AFTER + 2), "full")[1 : len(moved) + 1] > 0.0
+    moved = np.convolve(steps(inputs)[1:], np.ones(_AFTER + 2), "full")[1 : len(difference) + 1] > 0.0
     p = np.minimum(1.0, 2.0 * len(difference) * norm.sf(np.abs(difference) / spread))
     return [Jump(float(time[k + 1]), float(difference[k]), float(p[k])) for k in np.flatnonzero((p < _ALARM) & ~moved)]
+
+
+def startled(innovation: Array, at: NDArray[np.intp], inputs: Mapping[str, Array]) -> float:
+    """Return how probable it is in noise that innovations are so much larger where an input steps than elsewhere.
+
+    Parameters
+    ----------
+    innovation : ndarray, shape (k,)
+    at : ndarray of int, shape (k,)
+        The samples that they belong to.
+    inputs : Mapping of str to ndarray, shape (n,)
+    """
+    there = steps(inputs)[at]
+    if min(there.sum(), (~there).sum()) < _FEW:
+        return 1.0
+    ratio = float(np.mean(innovation[there] ** 2) / np.mean(innovation[~there] ** 2))
+    return float(f.sf(ratio, there.sum(), (~there).sum()))
+
+
+def steps(inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
+    """Where any input differs from the sample before by more than a hundredth of its range."""
+    moved = [np.abs(np.diff(u, prepend=u[:1])) > 0.01 * np.ptp(u) for u in inputs.values() if np.ptp(u) > 0.0]
+    return np.any(moved, axis=0) if moved else np.zeros(len(next(iter(inputs.values()), ())), dtype=bool)

@@ -62,8 +62,9 @@ class Unseen:
 
     @classmethod
     def end_of(cls, data: Data) -> Unseen:
-        """Hold out the end of a record."""
-        return cls(data, round(len(data.time) * (1.0 - HELD_OUT)), True)
+        """Hold out the end of a record, as far as every output was measured."""
+        last = min(int(np.flatnonzero(np.isfinite(y))[-1]) for y in data.measured.values())
+        return cls(data, round((last + 1) * (1.0 - HELD_OUT)), True)
 
     @classmethod
     def another(cls, data: Data) -> Unseen:

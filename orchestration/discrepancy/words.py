@@ -33,6 +33,7 @@ def sentence(found: Diagnosis) -> str:
     for output, rest in found.left.items():
         left += [f"a line at {line.frequency:.3g} Hz in {output}" for line in rest.lines[:1]]
         left += [f"{len(rest.jumps)} {'jump' if len(rest.jumps) == 1 else 'jumps'} of {output}"] if rest.jumps else []
+        left += [text.replace("it ", f"{output} ", 1) for text in rest.texts[:1]]
     words = {
         "differing": ", ".join(found.differing), "causes": ", ".join(found.causes),
         "rivals": f" or {', '.join(rivals)}" if rivals else "", "left": "; ".join(left),

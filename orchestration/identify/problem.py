@@ -174,4 +174,4 @@ class Problem:
 
 def _scale(declaration: Any, value: float) -> Scale:
     positive = declaration.min >= 0.0 and value > 0.0
-    return Scale(positive, abs(value) or declaration.nominal)
+    return Scale(positive, max(abs(value), declaration.nominal))
