@@ -182,8 +182,13 @@ def compare(
 def diagnose(
     record: Annotated[Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")],
     model: Annotated[
-        str, typer.Option(metavar="NAME_OR_CLASS", help="A component (see ppy list) or path/to/file.py:Class.")
-    ] = "ppy_actuator",
+        str | None,
+        _option(
+            "--model",
+            metavar="NAME_OR_CLASS",
+            help="A component (see ppy list) or path/to/file.py:Class; default ppy_actuator.",
+        ),
+    ] = None,
     mapping: Map = None,
     settings: Set = None,
     effects: Annotated[str | None, _option("--effects", help="Only these, e.g. diffusion,sensor_lag(voltage).")] = None,
@@ -194,12 +199,27 @@ def diagnose(
     report: Annotated[
         Path | None, _option("--report", help="Page (.html) with all of it, to look at and pass on.")
     ] = None,
+    fmu: Annotated[
+        Path | None, _option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
+    ] = None,
+    experiment: Annotated[
+        Path | None, _option("--experiment", help="Experiment (.toml) that would tell rivals apart, for ppy run.")
+    ] = None,
+    system: Annotated[
+        Path | None,
+        _option("--system", metavar="S.ssp", help="Judge every member of a system alone, cut where it was measured."),
+    ] = None,
 ) -> None:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen."""
-    from orchestration import screen_diagnose
+    from orchestration import screen_diagnose, screen_members
 
+    if system is not None:
+        others = {"--model": model, "--effects": effects, "--holdout": holdout, "--report": report, "--fmu": fmu}
+        screen_members.run(record, system, mapping or [], settings or [], result, others | {"--experiment": experiment})
+        return
     wanted = [name.strip() for name in (effects or "").split(",") if name.strip()]
-    files = screen_diagnose.Files(record, holdout, result, report)
+    files = screen_diagnose.Files(record, holdout, result, report, fmu, experiment)
+    model = model or "ppy_actuator"
     screen_diagnose.run(files, model, mapping or [], settings or [], wanted, ["ppy", *sys.argv[1:]])
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmus.kit import archive
+from fmus.kit.build import build_cached
 from fmus.kit.documentation import shown
 from fmus.kit.errors import UserError, suggestion
 from orchestration import models
@@ -18,10 +19,14 @@ from orchestration.compare import read_for
 from orchestration.discrepancy.candidate import catalogue, label
 from orchestration.discrepancy.diagnosis import Diagnosis, diagnose
 from orchestration.discrepancy.evidence import Data
+from orchestration.discrepancy.extension import Gain, destinations, export, extended, measured_gain
 from orchestration.discrepancy.page import Context, page
+from orchestration.discrepancy.separation import Separation, design
 from orchestration.discrepancy.words import last, sentence
+from orchestration.identify.residuals import number
 from orchestration.models import Model
 from orchestration.records import Record, parse_mapping
+from orchestration.rig import HIGHEST, LIMITS
 from orchestration.screen import out, plain_table, progress, tell_repairs
 
 if TYPE_CHECKING:
@@ -37,14 +42,16 @@ class Files:
     record : Path
     holdout : Path, optional
         Another record to judge by.
-    result, report : Path, optional
-        JSON and HTML to write.
+    result, report, fmu, experiment : Path, optional
+        JSON, HTML, FMU and TOML to write.
     """
 
     record: Path
     holdout: Path | None = None
     result: Path | None = None
     report: Path | None = None
+    fmu: Path | None = None
+    experiment: Path | None = None
 
     def check(self) -> None:
         """Refuse, before any work is done, names under which nothing can be written or something would be lost.
@@ -54,7 +61,9 @@ class Files:
         UserError
         """
         read = {"the record": self.record, "the record held out": self.holdout}
-        written = {"--json": self.result, "--report": self.report}
+        written = {"--json": self.result, "--report": self.report, "--experiment": self.experiment}
+        if self.fmu is not None:
+            destinations(self.fmu, filter(None, read.values()))
         for option, path in written.items():
             if path is None:
                 continue
@@ -63,10 +72,15 @@ class Files:
             for what, source in read.items():
                 if source is not None and _same(path, source):
                     raise UserError(f"{option} {path}: this is {what} itself; it will not be overwritten")
-        if self.result is not None and self.report is not None and _same(self.result, self.report):
-            raise UserError(f"--json and --report both name {self.report}")
+        named = [(option, path) for option, path in written.items() if path is not None]
+        for k, (option, path) in enumerate(named):
+            for other, place in named[:k]:
+                if _same(path, place):
+                    raise UserError(f"{other} and {option} both name {path}")
         if self.report is not None and self.report.suffix.lower() not in (".html", ".htm"):
             raise UserError(f"--report {self.report}: its name must end in .html")
+        if self.experiment is not None and self.experiment.suffix.lower() != ".toml":
+            raise UserError(f"--experiment {self.experiment}: its name must end in .toml")
         if self.holdout is not None and _same(self.record, self.holdout):
             raise UserError(f"--holdout {self.holdout}: this is the record itself; nothing would be held out")
 
@@ -100,14 +114,59 @@ def run(
         chosen = _chosen(catalogue(model.cls, models.catalogue(model.cls), data.measured), wanted)
         fixed = {n: value for n, value in given.items() if n in model.parameters}
         found = diagnose(model.cls, data, chosen, fixed, tell, holdout)
+        gain, made = _extended(found, files, tell)
+        trial = _experiment(found, data, model, tell)
         if files.report is not None:
             tell("drawing the report")
-            page(found, Context(record, model, command, chosen, other)).write(files.report)
-    _show(found)
+            shown = {output: left.shown for output, left in found.left.items()}
+            context = Context(record, model, command, chosen, other, gain, shown, trial)
+            page(found, context).write(files.report)
+    _show(found, gain)
+    if trial is not None:
+        out.print(trial.sentence(), markup=False)
+        if files.experiment is not None:
+            archive.write(files.experiment, trial.toml(model.name).encode())
+            made.append(files.experiment)
+    elif files.experiment is not None:
+        out.print(f"nothing is to be told apart: {files.experiment} was not written", markup=False)
     if files.result is not None:
-        archive.write(files.result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
-    for path in filter(None, (files.result, files.report)):
+        text = json.dumps(as_json(found, gain, trial), indent=2, allow_nan=False)
+        archive.write(files.result, text.encode())
+    for path in filter(None, (files.result, files.report, *made)):
         out.print(f"wrote {path}", markup=False)
+
+
+def _extended(found: Diagnosis, files: Files, tell: Callable[[str], None]) -> tuple[Gain | None, list[Path]]:
+    """Make an FMU of what was found, and measure with it what is gained; write it if wanted."""
+    if found.verdict == "ambiguous" and not found.causes:
+        if files.fmu is not None:
+            out.print(f"nothing was found to make an FMU of: {files.fmu} was not written", markup=False)
+        return None, []
+    cls = extended(found, files.record.name)
+    made = []
+    if files.fmu is not None:
+        made = export(cls, files.fmu, filter(None, (files.record, files.holdout)), progress=tell)
+    tell("running the extended FMU over the part held out")
+    return measured_gain(found, made[0] if made else build_cached(cls, "native")), made
+
+
+def _experiment(found: Diagnosis, data: Data, model: Model, tell: Callable[[str], None]) -> Separation | None:
+    """Design an experiment where something cannot be told apart."""
+    if found.verdict != "ambiguous":
+        return None
+    ours = model.cls is not None and model.name == "ppy_actuator"
+    return design(found.selection, data, LIMITS if ours else None, HIGHEST if ours else np.inf, None, tell)
+
+
+def as_json(found: Diagnosis, gain: Gain | None, trial: Separation | None) -> dict[str, Any]:
+    """Gather the figures of a diagnosis, those of the FMU in place of the simulation's where there is one."""
+    figures = found.as_json()
+    if gain is not None:
+        figures["gain"] |= {
+            "holdout_nrmse_before": {o: number(e) for o, e in gain.before.items()},
+            "holdout_nrmse_after": {o: number(e) for o, e in gain.after.items()},
+        }
+    return figures | ({"experiment": trial.as_json()} if trial else {})
 
 
 def _same(a: Path, b: Path) -> bool:
@@ -147,15 +206,16 @@ def _chosen(known: Sequence[type[Effect]], wanted: Sequence[str]) -> list[type[E
     return [effect for effect in known if not wanted or effect.id in wanted or label(effect) in wanted]
 
 
-def _show(found: Diagnosis) -> None:
+def _show(found: Diagnosis, gain: Gain | None) -> None:
     out.print(found.verdict, style="bold", end="  ")
     out.print(sentence(found), markup=False)
     for note in found.notes:
         out.print(note, markup=False)
     out.print()
     rows = plain_table("on the part held out", "output", "error before", "after")
-    for output, before in found.before.items():
-        rows.add_row(output, f"{before:.4g}", f"{found.after[output]:.4g}")
+    errors = (gain.before, gain.after) if gain else (found.before, found.after)
+    for output, before in errors[0].items():
+        rows.add_row(output, f"{before:.4g}", f"{errors[1][output]:.4g}")
     out.print(rows)
     out.print()
     rows = plain_table("evidence", "effect", "fall of BIC", "verdict")

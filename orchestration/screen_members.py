@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from fmus.kit import archive
+from fmus.kit.errors import UserError
 from orchestration.discrepancy.associations import told
-from orchestration.discrepancy.members import SystemDiagnosis
-from orchestration.screen import out, plain_table, tell_repairs
+from orchestration.discrepancy.members import SystemDiagnosis, diagnose_system
+from orchestration.screen import out, plain_table, progress, tell_repairs
 
 _SENTENCES = {
     "wrong": "The structure of {members} is wrong.",
@@ -12,6 +18,30 @@ _SENTENCES = {
     "consistent": "All that could be judged is consistent with the record.",
     "cannot be judged": "Nothing can be judged from this record.",
 }
+
+
+def run(
+    record: Path, system: Path, mapping: Sequence[str], settings: Sequence[str], result: Path | None,
+    others: Mapping[str, object],
+) -> None:  # fmt: skip
+    """Do ``ppy diagnose --system``.
+
+    Raises
+    ------
+    UserError
+        If the record or the system cannot be used, or an option is given that is of one model only.
+    """
+    unfit = [option for option, value in others.items() if value is not None]
+    if unfit:
+        raise UserError(f"{unfit[0]} is about one model; --system tells which member to name with --model")
+    if result is not None and any(p.exists() and result.exists() and result.samefile(p) for p in (record, system)):
+        raise UserError(f"--json {result}: this is what is read; it will not be overwritten")
+    with progress() as tell:
+        found = diagnose_system(record, system, mapping, settings, tell)
+    show(found, record.name)
+    if result is not None:
+        archive.write(result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
+        out.print(f"wrote {result}", markup=False)
 
 
 def show(found: SystemDiagnosis, record: str) -> None:

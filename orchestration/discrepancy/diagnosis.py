@@ -135,6 +135,10 @@ class Diagnosis:
             "baseline": {"holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in self.before.items()}},
             "parameters": {name: _json(e) for name, e in self.estimates.items()},
             "causes": causes, "alternatives": alternatives, "gain": gain, "notes": self.notes,
+            "left": {
+                o: {"lines_hz": [line.frequency for line in l.lines], "jumps_s": [j.time for j in l.jumps],
+                    "other": l.texts} for o, l in self.left.items()
+            },
         }  # fmt: skip
 
 
