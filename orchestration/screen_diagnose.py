@@ -88,7 +88,7 @@ class Files:
 def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], wanted: Sequence[str],
     command: Sequence[str],
-) -> None:  # fmt: skip
+) -> Diagnosis:  # fmt: skip
     """Do ``ppy diagnose``; the command is told in the report.
 
     Raises
@@ -134,6 +134,7 @@ def run(
         archive.write(files.result, text.encode())
     for path in filter(None, (files.result, files.report, *made)):
         out.print(f"wrote {path}", markup=False)
+    return found
 
 
 def _extended(found: Diagnosis, files: Files, tell: Callable[[str], None]) -> tuple[Gain | None, list[Path]]:
@@ -224,8 +225,8 @@ def _show(found: Diagnosis, gain: Gain | None) -> None:
         for rival in step.rivals:
             fall = step.gain - (rival.fitted.bic - step.chosen.fitted.bic)
             rows.add_row(last(rival), f"{fall:.1f}", "not told apart")
-    for evidence, gain in found.selection.rejected[:5]:
-        rows.add_row(last(evidence), f"{gain:.1f}", "rejected")
+    for evidence, fall in found.selection.rejected[:5]:
+        rows.add_row(last(evidence), f"{fall:.1f}", "rejected")
     out.print(rows)
     out.print()
     rows = plain_table("parameters", "name", "value", "95 % interval", "nominal")

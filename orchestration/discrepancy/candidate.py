@@ -18,10 +18,13 @@ class Candidate:
     effects : tuple of type[Effect]
     cls : type[Component]
         The model with them.
+    starts : tuple of str
+        Start values of the effects' states that are searched too; the others are at rest.
     """
 
     effects: tuple[type[Effect], ...]
     cls: type[Component]
+    starts: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -35,7 +38,7 @@ class Candidate:
 
     def with_effect(self, effect: type[Effect]) -> Candidate:
         """Lay one more effect over it."""
-        return Candidate((*self.effects, effect), stack(self.cls, effect))
+        return Candidate((*self.effects, effect), stack(self.cls, effect), self.starts)
 
 
 def label(effect: type[Effect]) -> str:

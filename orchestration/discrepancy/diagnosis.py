@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
+from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
 from fmus.kit.compiled import CompiledModel
@@ -153,6 +154,8 @@ def searched(cls: type[Component]) -> list[str]:
     return [p.name for p in layout.parameters if p.type == "real" and p.name not in others]
 
 
+# fits run side by side, and the matrices are narrow: a thread for each product would only wait for the others
+@threadpool_limits.wrap(limits=1)
 def diagnose(
     cls: type[Component],
     data: Data,
@@ -253,7 +256,7 @@ def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str
 
 def _spread(evidence: Evidence) -> Array:
     """Return the standard errors of the searched coordinates; infinite where the record says nothing."""
-    seen, covariance = normal_inverse(evidence.fitted.jacobian)
+    seen, covariance = normal_inverse(evidence.fitted.information)
     spread = np.full(len(evidence.fitted.q), np.inf)
     spread[seen] = np.sqrt(np.diag(covariance))
     return spread

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from orchestration.identify.problem import Problem
 Array = NDArray[np.float64]
 PROMISING = 8  # effects that are fitted, if they are worth it
 WORTH = 5.0  # fall that is expected of a fit, below which it cannot come to what is accepted
+_BESIDE = 0.75, 1.33  # times what was found of a second parameter, to begin with once more
 _ALIKE = 1e-6  # share of what an effect does, in power, below which other parameters do the same
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
@@ -210,6 +211,30 @@ class Search:
         q = problem.position(problem.start | beside | prospect.start)
         return Evidence(candidate, problem, self._fit(problem, q, prospect.outlook.noise))
 
+    def surer(self, found: Evidence) -> Evidence:
+        """Fit once more from beside what was found, for a kink or a time constant has several bests; and not at rest."""
+        candidate, effect = found.candidate, found.candidate.effects[-1]
+        best = found
+        for name in own_parameters(effect)[1:]:
+            for factor in _BESIDE:
+                start = found.problem.start | found.fitted.values
+                start[name] = float(np.clip(start[name] * factor, effect.declared[name].min, effect.declared[name].max))
+                best = min(best, self._again(candidate, start, found), key=lambda e: e.fitted.bic)
+        if not effect.output and effect.layout.states:
+            starts = (*candidate.starts, *(f"{state.name}_start" for state in effect.layout.states))
+            moving = replace(candidate, starts=starts)
+            best = min(
+                best, self._again(moving, best.problem.start | best.fitted.values, best), key=lambda e: e.fitted.bic
+            )
+        return best
+
+    def _again(self, candidate: Candidate, start: Mapping[str, float], found: Evidence) -> Evidence:
+        problem = self._problem(candidate)
+        try:
+            return Evidence(candidate, problem, self._fit(problem, problem.position(start), found.fitted.noise))
+        except UserError:
+            return found
+
     def refitted(self, found: Evidence) -> Evidence:
         """Fit a model that was found on another part of the record to this one."""
         self.progress(f"fitting {found.candidate.name} to all of the record")
@@ -222,7 +247,7 @@ class Search:
         return fit(problem, q, noise, physical, belief)
 
     def _problem(self, candidate: Candidate) -> Problem:
-        return self._searching(candidate, [*self.parameters, *candidate.parameters], self.fixed)
+        return self._searching(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
 
     def _searching(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         return Problem(candidate.cls, self.data.time, self.data.inputs, self.data.measured, names, fixed)

@@ -91,7 +91,8 @@ def linearised(right: Evidence, wrong: Evidence, truth: Response, other: Respons
     for _ in range(_PASSES):
         rows = np.concatenate([_white(colours[o], other.signals[o] - truth.signals[o]) for o in other.signals])
         columns = np.vstack([_white(colours[o], slopes) for o, slopes in other.slopes.items()])
-        seen, inverse = normal_inverse(np.vstack([columns, _belief(wrong)]))
+        belief = _belief(wrong)
+        seen, inverse = normal_inverse(columns.T @ columns + belief.T @ belief)
         step = np.zeros(columns.shape[1])
         step[seen] = -inverse @ (columns[:, seen].T @ rows)
         left = {o: other.signals[o] - truth.signals[o] + other.slopes[o] @ step for o in other.signals}

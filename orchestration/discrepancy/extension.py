@@ -82,7 +82,7 @@ def _allowed(value: float, declared: ParameterDeclaration) -> float:
 def _remarks(found: Diagnosis, record: str, defaults: Mapping[str, float]) -> list[str]:
     """Tell in plain words what a model is made of: one statement to a line."""
     best, base = found.selection.best.candidate, found.selection.base.candidate.cls.name
-    told = [f"Fitted to {Path(record).name}"]
+    told = [f"Fitted to {Path(record).name.encode(errors='backslashreplace').decode()}"]
     told += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
     if not best.effects:
         told.append(f"Nothing was added to {base}: only its parameters were fitted")

@@ -37,14 +37,14 @@ class Lead:
     ----------
     values : dict of str to float
         Its parameters, SI; the switch is where the derivative was taken, or where the difference ends.
-    columns : dict of str to ndarray, shape (m,)
+    columns : dict of str to ndarray of float32, shape (m,)
         Derivative by the searched coordinate of the switch, or difference; where the output was measured.
     least, most : float
         How much of it there may be: bounds of the searched coordinate, or how far a difference can be trusted.
     """
 
     values: dict[str, float]
-    columns: dict[str, Array]
+    columns: dict[str, NDArray[np.float32]]
     least: float
     most: float
 
@@ -71,7 +71,7 @@ def leads(problem: Problem, effect: type[Effect]) -> list[Lead]:
     found = []
     for second in _grid(others, declared):
         base, slopes = problem.evaluate(problem.position(problem.start | second))
-        local = {output: slope[:, at].copy() for output, slope in slopes.items()}
+        local = {output: slope[:, at].astype(np.float32) for output, slope in slopes.items()}
         if any(column.any() for column in local.values()):
             found.append(Lead(second | {switch: neutral}, local, *room))
         for value in _trials(effect, declared[switch], problem.time):
@@ -79,7 +79,9 @@ def leads(problem: Problem, effect: type[Effect]) -> list[Lead]:
                 moved, _ = problem.evaluate(problem.position(problem.start | second | {switch: value}))
             except UserError:  # too much of it for a simulation
                 continue
-            found.append(Lead(second | {switch: value}, {o: moved[o] - base[o] for o in base}, *_TRUST))
+            found.append(
+                Lead(second | {switch: value}, {o: (moved[o] - base[o]).astype(np.float32) for o in base}, *_TRUST)
+            )
     return found
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from orchestration.discrepancy.regression import Fitted
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
+Columns = Mapping[str, NDArray[Any]]
 _ROUNDS = 3  # of solving with a colour and estimating the colour from what is left
 _RIDGE = 1e-9  # relative to the curvature
 _FLAT = 1e-10  # share of a change that the model could not make itself, below which there is none

@@ -38,8 +38,8 @@ class Fitted:
         Simulated minus measured.
     innovation : dict of str to ndarray
         The residual whitened.
-    jacobian : ndarray, shape (sum of m, p)
-        Whitened derivatives of all residuals by the searched coordinates.
+    information : ndarray, shape (p, p)
+        Normal matrix of the whitened derivatives of all residuals by the searched coordinates.
     belief : ndarray, shape (p,)
         Curvature of what is believed of every coordinate; zero where nothing is.
     deviance : float
@@ -54,7 +54,7 @@ class Fitted:
     noise: dict[str, Noise]
     residual: dict[str, Array]
     innovation: dict[str, Array]
-    jacobian: Array
+    information: Array
     belief: Array
     deviance: float
     parameters: int
@@ -121,7 +121,7 @@ def fit(
         if found.bic - other.bic < _SETTLED:
             break
         found = other
-    problem.evaluate(found.q)
+    problem.forget()  # of many candidates few are looked at again
     return found
 
 
@@ -167,7 +167,16 @@ def _assessed(problem: Problem, q: Array, belief: Array, centre: Array) -> Fitte
     deviance += float(belief @ np.where(belief > 0.0, q - centre, 0.0) ** 2)
     count = len(q) + sum(len(n.coefficients) for n in noise.values())
     return Fitted(
-        q, problem.values(q), noise, error, innovation, jacobian, belief, float(deviance), count, len(jacobian)
+        q,
+        problem.values(q),
+        noise,
+        error,
+        innovation,
+        jacobian.T @ jacobian,
+        belief,
+        float(deviance),
+        count,
+        len(jacobian),
     )
 
 
@@ -176,9 +185,9 @@ def _white(residual: Mapping[str, Array]) -> dict[str, Noise]:
     return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or tiny) for o, e in residual.items()}
 
 
-def normal_inverse(jacobian: Array) -> tuple[NDArray[np.intp], Array]:
-    """Return which columns of a Jacobian are not zero, and the inverse of their normal matrix, scaled before."""
-    scale = np.sqrt((jacobian**2).sum(axis=0))
+def normal_inverse(information: Array) -> tuple[NDArray[np.intp], Array]:
+    """Return which coordinates a normal matrix knows of, and its inverse in these, scaled before."""
+    scale = np.sqrt(np.diag(information))
     seen = np.flatnonzero(scale > 0.0)
-    unit = jacobian[:, seen] / scale[seen]
-    return seen, np.linalg.pinv(unit.T @ unit, rcond=FLAT, hermitian=True) / np.outer(scale[seen], scale[seen])
+    outer = np.outer(scale[seen], scale[seen])
+    return seen, np.linalg.pinv(information[np.ix_(seen, seen)] / outer, rcond=FLAT, hermitian=True) / outer

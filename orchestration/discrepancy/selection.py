@@ -12,8 +12,10 @@ from orchestration.discrepancy.evidence import Evidence, Origin, Prospect, Searc
 
 ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
 RIVAL = 6.0  # within which another candidate counts as not told apart
+MINOR = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
 MOST = 3  # effects that are looked for
 AT_ONCE = 2
+CONTENDS = 0.3  # of what the best gains, from which on it is worth making sure of a fit
 HOPELESS = 0.1  # of what another has gained already
 # A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
 # would add to that tells little. Where one held this close to nominal (in the logarithm) is this much less likely,
@@ -94,7 +96,8 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
     while len(found.steps) < MOST:
         below = found.best
         ranked = _fitted(search, below, origins, left)
-        better = [row for row in ranked if row[1] > ACCEPT]
+        enough = max(ACCEPT, MINOR * found.steps[0].gain if found.steps else 0.0)
+        better = [row for row in ranked if row[1] > enough]
         if not better:
             found.rejected.extend(ranked)
             break
@@ -131,6 +134,9 @@ def _fitted(
                 best[effect] = min(best.get(effect, found), found, key=lambda e: e.fitted.bic)
             gained = max((origin.evidence.fitted.deviance - e.fitted.deviance for e in best.values()), default=0.0)
             prospects = [prospect for prospect in prospects if prospect.outlook.fall > HOPELESS * gained]
+    gains = {effect: below.fitted.bic - e.fitted.bic for effect, e in best.items()}
+    contenders = [effect for effect, gain in gains.items() if gain > CONTENDS * max(0.0, *gains.values())]
+    best |= zip(contenders, side_by_side(lambda effect: search.surer(best[effect]), contenders), strict=True)
     return sorted(((e, e.over(below, len(effects))) for e in best.values()), key=lambda row: -row[1])
 
 

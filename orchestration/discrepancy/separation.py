@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from fmus.kit.errors import UserError
 from orchestration import stimuli
@@ -183,6 +184,8 @@ class Separation:
         return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence."]
 
 
+# fits run side by side, and the matrices are narrow: a thread for each product would only wait for the others
+@threadpool_limits.wrap(limits=1)
 def design(
     found: Selection,
     data: Data,

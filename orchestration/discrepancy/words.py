@@ -14,6 +14,7 @@ from orchestration.discrepancy.selection import ACCEPT
 from orchestration.identify.grey_box import Estimate
 from orchestration.report import Markup, escaped
 
+_WEAK = 0.2  # of the evidence for the first effect
 _VAGUE = 1e4  # times its lower end, beyond which an interval tells nothing
 _SENTENCES = {
     "consistent": "The model is consistent with the record: nothing is wrong beyond noise.",
@@ -35,10 +36,18 @@ def sentence(found: Diagnosis) -> str:
         left += [f"{len(rest.jumps)} {'jump' if len(rest.jumps) == 1 else 'jumps'} of {output}"] if rest.jumps else []
         left += [text.replace("it ", f"{output} ", 1) for text in rest.texts[:1]]
     words = {
-        "differing": ", ".join(found.differing), "causes": ", ".join(found.causes),
+        "differing": ", ".join(found.differing), "causes": _causes(found),
         "rivals": f" or {', '.join(rivals)}" if rivals else "", "left": "; ".join(left),
     }  # fmt: skip
     return _SENTENCES[found.verdict].format(**words)
+
+
+def _causes(found: Diagnosis) -> str:
+    """Name the effects, and which are much weaker than the first."""
+    steps = found.selection.steps
+    strong = [name for name, step in zip(found.causes, steps, strict=True) if step.gain >= _WEAK * steps[0].gain]
+    weak = [name for name in found.causes if name not in strong]
+    return ", ".join(strong) + (f"; and, much weaker, {', '.join(weak)}" if weak else "")
 
 
 def last(evidence: Evidence) -> str:

@@ -115,9 +115,13 @@ class Problem:
             self._at = (q.tobytes(), error, jacobian)
         return self._at[1:]
 
+    def forget(self) -> None:
+        """Let go of the last simulation."""
+        self._at = None
+
     @property
     def ran(self) -> bool:
-        """Whether any simulation succeeded."""
+        """Whether the last simulation succeeded."""
         return self._at is not None
 
     @property
