@@ -76,8 +76,8 @@ def cases(seeds: int) -> Iterator[Case]:
                     {"strength": strength, "noise_colour": colour},
                 )
                 yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
-            for k in range(25):
-                yield Case(f"clean, φ = {colour:g}", (), 25 * seed + k, {"noise_colour": colour})
+            for k in range(50):
+                yield Case(f"clean, φ = {colour:g}", (), 50 * seed + k, {"noise_colour": colour})
         yield from (Case("outside the catalogue", (name,), 10 * seed + k) for name in UNKNOWN for k in range(2))
         yield from (Case("two effects", pair, seed) for pair in PAIRS)
         for group, (_, factors) in CHANGES.items():
@@ -181,8 +181,11 @@ def page(rows: list[dict[str, Any]]) -> str:
     rows = [row for row in rows if "impossible" not in row]
     groups = list(dict.fromkeys(row["group"] for row in sorted(rows, key=lambda r: r["group"])))
     lines = ["# How often the hidden effect is named", "", __doc__.split("\n\n")[0], ""]
-    lines += [f"{len(rows)} records. A record counts as right where the hidden effect is named first, or stands in the "
-              "group that the verdict `ambiguous` names; what is right elsewhere is in `benchmarks/naming.py`.", ""]  # fmt: skip
+    lines += [
+        f"{len(rows)} records. A record counts as right where the hidden effect is named first, or stands in the group "
+        "that the verdict `ambiguous` names; what is right elsewhere is in `benchmarks/naming.py`.",
+        "",
+    ]
     lines += [
         "| records | right | of | share | extended model / true model, held out (median, 90 %) |",
         "|---|---|---|---|---|",
@@ -210,8 +213,9 @@ def page(rows: list[dict[str, Any]]) -> str:
             wrong[key] = wrong.get(key, 0) + 1
     lines += [f"| {hidden} | {said} | {n} |" for (hidden, said), n in sorted(wrong.items())]
     inside = [hit for row in rows if right(row) for hit in row["inside"].values()]
-    lines += ["", f"Of {len(inside)} physical parameters of rightly judged records, {100 * np.mean(inside):.1f} % lie within "
-              "their 95 % interval.", ""]  # fmt: skip
+    share = f"{100 * np.mean(inside):.1f} %"
+    lines += ["", f"Of {len(inside)} physical parameters of rightly judged records, {share} lie within their interval."]
+    lines += [""]
     clean = [hit for row in rows if row["group"].startswith("clean") for hit in row["inside"].values()]
     if clean:
         lines += [f"On clean records, {100 * np.mean(clean):.1f} % of {len(clean)} do.", ""]

@@ -212,7 +212,7 @@ class Search:
         return Evidence(candidate, problem, self._fit(problem, q, prospect.outlook.noise))
 
     def surer(self, found: Evidence) -> Evidence:
-        """Fit once more from beside what was found, for a kink or a time constant has several bests; and not at rest."""
+        """Fit once more from beside what was found: a kink or a time constant has several bests; and not at rest."""
         candidate, effect = found.candidate, found.candidate.effects[-1]
         best = found
         for name in own_parameters(effect)[1:]:

@@ -84,7 +84,7 @@ def lines(residual: Array, step: float) -> list[Line]:
     spectrum = np.abs(np.fft.rfft(flat * window)) ** 2
     # at either end the window folds the spectrum onto itself, and what is left is not exponentially distributed
     power, frequency = spectrum[_END:-_END], np.fft.rfftfreq(n - 1, step)[_END:-_END]
-    level = median_filter(power, _NEIGHBOURS, mode="nearest") / np.log(2.0)
+    level = median_filter(power, _NEIGHBOURS, mode="reflect") / np.log(2.0)
     ratio = power / np.where(level > 0.0, level, np.inf)
     p = np.minimum(1.0, len(power) * np.exp(-ratio))
     peaks = [k for k in np.flatnonzero(p < _ALARM) if power[k] == power[max(0, k - 3) : k + 4].max()]
