@@ -3,12 +3,13 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow check benchmark chromium clean help
+.PHONY: demo test test-slow naming check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take minutes"
+	@echo "make naming     how often a hidden effect is named, over hundreds of records"
 	@echo "make benchmark  speed, as ratios measured in one run"
 
 demo: $(VENV)/installed
@@ -19,6 +20,9 @@ test: $(VENV)/installed-dev check chromium
 
 test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -m slow
+
+naming: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.naming --seeds 2
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

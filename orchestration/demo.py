@@ -160,7 +160,14 @@ def _report(
         f"{name} from {before.before[name].fit_percent:.1f} % to {judged.fit_percent:.1f} %"
         for name, judged in after.before.items()
     )
-    page = Page("What a diagnosis and a recalibration gain", f"A hidden effect, found: {sentence(found)}")
+    errors = ", ".join(
+        f"{name} from {100.0 * error:.1f} % to {100.0 * found.after[name]:.1f} %"
+        for name, error in found.before.items()
+    )
+    page = Page(
+        "What a diagnosis and a recalibration gain",
+        f"An effect was hidden. {sentence(found)} With it, the error on data that no fit has seen goes: {errors}.",
+    )
     page.heading("A cause found")
     page.text(
         f"An emulated rig whose films stop growing around a charge of {_GROWN:g} C, in a form of its own. No model was "
