@@ -3,7 +3,10 @@
 That is Burgers' chain for a material instead of a specimen: stress in, strain out. The defaults are round numbers near
 those of a polyethylene melt whose record is public (CM3, in the examples of RepTate, reptate.readthedocs.io)::
 
-    ppy diagnose creep_polyethylene_cm3.csv --model examples/creep.py:Creep
+    ppy diagnose creep_polyethylene_cm3.csv --model examples/creep.py:Creep --hold spring_stress_start,flow_start
+
+The stress does not move: what is seen is how the melt settles after a step at the start, and that says something only
+because the melt was at rest before, which is what ``--hold`` states.
 """
 
 from fmus.kit import Component, Input, Output, Parameter, State

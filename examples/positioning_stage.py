@@ -4,7 +4,8 @@ The drive makes a force of the motor's voltage. The defaults are round numbers n
 stage whose record is public (Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019). A controller kept
 that stage in place, so the simulated position drifts with every error in force: integrated twice, it says little of its
 cause. ``StageFollowed`` is the same stage with the motion given and the voltage asked for, as that study does; its
-inputs are derivatives of the measured position, all signals through one low-pass filter without delay.
+inputs are derivatives of the measured position, all signals through one low-pass filter without delay, as
+``follow_stage.py`` writes them. The force constant is the maker's: ``--hold force_constant``.
 """
 
 from fmus.kit import Component, Input, Output, Parameter, State

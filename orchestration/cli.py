@@ -191,7 +191,15 @@ def diagnose(
     ] = None,
     mapping: Map = None,
     settings: Set = None,
-    effects: Annotated[str | None, _option("--effects", help="Only these, e.g. diffusion,sensor_lag(voltage).")] = None,
+    effects: Annotated[
+        str | None, _option("--effects", help="Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates.")
+    ] = None,
+    interpolate: Annotated[
+        bool, typer.Option("--interpolate", help="Inputs go linearly between samples; default each is held.")
+    ] = False,
+    hold: Annotated[
+        str | None, _option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set.")
+    ] = None,
     holdout: Annotated[
         Path | None, _option("--holdout", help="Another record to judge by; default the last third of the record.")
     ] = None,
@@ -214,13 +222,21 @@ def diagnose(
     from orchestration import screen_diagnose, screen_members
 
     if system is not None:
-        others = {"--model": model, "--effects": effects, "--holdout": holdout, "--report": report, "--fmu": fmu}
+        others = {
+            "--model": model,
+            "--effects": effects,
+            "--interpolate": interpolate or None,
+            "--hold": hold,
+            "--holdout": holdout,
+            "--report": report,
+            "--fmu": fmu,
+        }
         screen_members.run(record, system, mapping or [], settings or [], result, others | {"--experiment": experiment})
         return
-    wanted = [name.strip() for name in (effects or "").split(",") if name.strip()]
+    wanted, held = ([name.strip() for name in (text or "").split(",") if name.strip()] for text in (effects, hold))
     files = screen_diagnose.Files(record, holdout, result, report, fmu, experiment)
     model = model or "ppy_actuator"
-    screen_diagnose.run(files, model, mapping or [], settings or [], wanted, ["ppy", *sys.argv[1:]])
+    screen_diagnose.run(files, model, mapping or [], settings or [], wanted, ["ppy", *sys.argv[1:]], held, interpolate)
 
 
 @app.command()

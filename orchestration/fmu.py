@@ -220,11 +220,12 @@ class Fmu:
         inputs: Mapping[str, Array],
         outputs: Sequence[str] | None = None,
         progress: Callable[[int], None] = lambda done: None,
+        linear: bool = False,
     ) -> dict[str, Array]:
         """Simulate over given communication points, from a started instance.
 
-        Inputs are set at every point and held until the next; outputs are read at every point *after* its inputs
-        are set, so that a direct feedthrough shows at once.
+        Inputs are set at every point and held until the next, or go there linearly; outputs are read at every point
+        *after* its inputs are set, so that a direct feedthrough shows at once.
 
         Parameters
         ----------
@@ -236,6 +237,8 @@ class Fmu:
             Which variables to read; default every output.
         progress : callable
             Told the number of points done, now and then.
+        linear : bool
+            Whether inputs go linearly from point to point, which the FMU must be able to do.
 
         Returns
         -------
@@ -252,12 +255,16 @@ class Fmu:
                 inputs_are = ", ".join(self.inputs) or "none"
                 raise UserError(f"{self.path.name}: {name} is not an input; inputs are {inputs_are}")
         feed, read = self.writer(list(inputs)), self.reader(names)
+        references = [self._variable(name).valueReference for name in inputs]
         table = np.column_stack([np.zeros(len(time)), *inputs.values()])[:, 1:]  # there may be no inputs
         result = np.full((len(time), len(names)), np.nan)
         every = max(1, len(time) // 200)
         points = time.tolist()
         for k, now in enumerate(points):
             if k > 0:
+                if linear:
+                    slopes = (table[k] - table[k - 1]) / (now - points[k - 1])
+                    self._slave.setRealInputDerivatives(references, [1] * len(references), slopes.tolist())
                 self.step(points[k - 1], now - points[k - 1])
             try:
                 feed(table[k])

@@ -87,9 +87,9 @@ class Files:
 
 def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], wanted: Sequence[str],
-    command: Sequence[str],
+    command: Sequence[str], held: Sequence[str] = (), linear: bool = False,
 ) -> Diagnosis:  # fmt: skip
-    """Do ``ppy diagnose``; the command is told in the report.
+    """Do ``ppy diagnose``; the command is told in the report, parameters that are held keep their values.
 
     Raises
     ------
@@ -105,15 +105,20 @@ def run(
         given, renamed = model.settings(settings), parse_mapping(mapping)
         record = read_for(model, files.record, renamed)
         tell_repairs(record.repairs)
-        data = _data(model, record, given)
+        data = replace(_data(model, record, given), linear=linear)
         other = holdout = None
         if files.holdout is not None:
             other = read_for(model, files.holdout, renamed)
             tell_repairs([replace(r, message=f"{files.holdout.name}: {r.message}") for r in other.repairs])
-            holdout = _judged(_data(model, other, given), data, files.holdout)
+            holdout = _judged(replace(_data(model, other, given), linear=linear), data, files.holdout)
         chosen = _chosen(catalogue(model.cls, models.catalogue(model.cls), data.measured), wanted)
         fixed = {n: value for n, value in given.items() if n in model.parameters}
-        found = diagnose(model.cls, data, chosen, fixed, tell, holdout)
+        for name in held:
+            if name not in model.parameters:
+                raise UserError(
+                    f"--hold: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}"
+                )
+        found = diagnose(model.cls, data, chosen, fixed, tell, holdout, held)
         gain, made = _extended(found, files, tell)
         trial = _experiment(found, data, model, tell)
         if files.report is not None:
@@ -198,7 +203,9 @@ def _judged(holdout: Data, data: Data, path: Path) -> Data:
 
 
 def _chosen(known: Sequence[type[Effect]], wanted: Sequence[str]) -> list[type[Effect]]:
-    """Pick effects by id, with or without an output; all if none is wanted."""
+    """Pick effects by id, with or without an output; all if nothing is wanted, and none if that is."""
+    if list(wanted) == ["none"]:
+        return []
     names = {label(effect): effect for effect in known}
     ids = {effect.id for effect in known}
     for name in wanted:
@@ -212,13 +219,29 @@ def _show(found: Diagnosis, gain: Gain | None) -> None:
     out.print(sentence(found), markup=False)
     for note in found.notes:
         out.print(note, markup=False)
+    declared = found.selection.best.problem.declared
+    for name in found.differing:
+        e, p = found.estimates[name], declared[name]
+        times = f", times {e.value / e.nominal:.3g}" if e.nominal else ""
+        out.print(f"{name} differs: {shown(e.value, p)} instead of {shown(e.nominal, p)}{times}", markup=False)
     out.print()
-    rows = plain_table("on the part held out", "output", "error before", "after")
+    rows = plain_table("error where nothing was fitted, rms over the spread of the signal", "output", "before", "after")
     errors = (gain.before, gain.after) if gain else (found.before, found.after)
     for output, before in errors[0].items():
         rows.add_row(output, f"{before:.4g}", f"{errors[1][output]:.4g}")
     out.print(rows)
     out.print()
+    if found.selection.steps or found.selection.rejected:
+        _show_evidence(found)
+    rows = plain_table("parameters", "name", "value", "95 % interval", "nominal")
+    for name, e in found.estimates.items():
+        p = declared[name]
+        interval = " … ".join(shown(end, p) for end in e.interval)
+        rows.add_row(name, shown(e.value, p), interval, shown(e.nominal, p))
+    out.print(rows)
+
+
+def _show_evidence(found: Diagnosis) -> None:
     rows = plain_table("evidence", "effect", "fall of BIC", "verdict")
     for step in found.selection.steps:
         rows.add_row(last(step.chosen), f"{step.gain:.1f}", "named")
@@ -229,10 +252,3 @@ def _show(found: Diagnosis, gain: Gain | None) -> None:
         rows.add_row(last(evidence), f"{fall:.1f}", "rejected")
     out.print(rows)
     out.print()
-    rows = plain_table("parameters", "name", "value", "95 % interval", "nominal")
-    declared = found.selection.best.problem.declared
-    for name, e in found.estimates.items():
-        p = declared[name]
-        interval = " … ".join(shown(end, p) for end in e.interval)
-        rows.add_row(name, shown(e.value, p), interval, shown(e.nominal, p))
-    out.print(rows)

@@ -108,10 +108,13 @@ def test_percent_and_shares_are_what_is_said(found):
         assert fit == pytest.approx(100.0 * (1.0 - found.before[output]))
 
 
-def test_delta_bic_of_an_alternative_is_negative_for_a_worse_one(written, found):
+def test_delta_bic_of_an_alternative_is_the_evidence_for_it(written, found):
+    """Here the rival is the base model itself, for which there is none but the price of looking."""
     step = found.selection.steps[0]
-    worse = found.selection.base.fitted.bic - step.chosen.fitted.bic
-    assert written["alternatives"] == [{"effect": "double_layer", "delta_bic": pytest.approx(-worse)}]
+    (alternative,) = written["alternatives"]
+    assert (alternative["effect"], alternative["instead_of"]) == ("double_layer", found.causes[0])
+    fall = found.selection.base.fitted.bic - step.chosen.fitted.bic
+    assert alternative["delta_bic"] == pytest.approx(step.gain - fall)
 
 
 def test_the_colour_of_the_base_swallows_a_drift_as_the_decision_says():

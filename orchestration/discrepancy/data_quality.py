@@ -8,7 +8,7 @@ no fault; then only a signal that is cut while it moves counts as clipped, and o
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +105,7 @@ def judge(data: Data, simulated: Mapping[str, Array] | None = None) -> tuple[Dat
         everything = np.ones(len(data.time), dtype=bool)
         text = "no output is left that could be trusted: nothing can be judged"
         findings.append(_finding(data, "", "nothing", text, everything, data.time, False))
-    return Data(data.time, data.inputs, kept), findings
+    return replace(data, measured=kept), findings
 
 
 def _finding(data: Data, channel: str, kind: str, text: str, mask: Mask, values: Array, left_out: bool) -> Finding:

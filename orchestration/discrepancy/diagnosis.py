@@ -18,7 +18,7 @@ from orchestration.discrepancy.associations import Shown, show
 from orchestration.discrepancy.candidate import label
 from orchestration.discrepancy.data_quality import judge
 from orchestration.discrepancy.evidence import Data, Evidence, Search
-from orchestration.discrepancy.regression import normal_inverse
+from orchestration.discrepancy.regression import FLAT
 from orchestration.discrepancy.selection import Selection, select
 from orchestration.discrepancy.structure import Jump, Line, jumps, lines, startled
 from orchestration.discrepancy.unseen import HELD_OUT, Prediction, Unseen
@@ -28,8 +28,10 @@ from orchestration.identify.residuals import Whiteness, number, whiteness
 Array = NDArray[np.float64]
 _DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
 _MATTERS = 0.02  # relative difference below which that is not worth a word
-_SHORTEST = 200  # samples to fit to
+_SHORTEST = 150  # samples to fit to
 _BEYOND_DOUBT = 1e-4  # probability of what counts as structure that is left
+_TOUCHED = 1e-6  # share of a coordinate in a direction of which nothing is known, from which on it is unknown too
+_MOSTLY = 0.75  # share of what an effect does that another would do too, to be told
 _FEWEST = 20  # samples without which an output tells nothing
 
 
@@ -121,11 +123,11 @@ class Diagnosis:
                 "parameters": {name: _json(self.estimates[name]) for name in own},
                 "evidence": {"delta_bic": step.gain, "p_value": step.p_value},
             })  # fmt: skip
-        rivals = [(e, s) for s in self.selection.steps for e in s.rivals]
         alternatives = [
-            {"effect": e.candidate.name.split(" + ")[-1], "delta_bic": s.chosen.fitted.bic - e.fitted.bic}
-            for e, s in rivals
-        ]
+            {"effect": label(e.candidate.effects[-1]), "instead_of": cause,
+             "delta_bic": s.gain + s.chosen.fitted.bic - e.fitted.bic}
+            for cause, s in zip(self.causes, self.selection.steps, strict=True) for e in s.rivals
+        ]  # fmt: skip
         gain = {
             "holdout_nrmse_before": {o: number(e) for o, e in self.before.items()},
             "holdout_nrmse_after": {o: number(e) for o, e in self.after.items()},
@@ -135,6 +137,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "baseline": {"holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in self.before.items()}},
             "parameters": {name: _json(e) for name, e in self.estimates.items()},
+            "differing": self.differing,
             "causes": causes, "alternatives": alternatives, "gain": gain, "notes": self.notes,
             "left": {
                 o: {"lines_hz": [line.frequency for line in l.lines], "jumps_s": [j.time for j in l.jumps],
@@ -163,6 +166,7 @@ def diagnose(
     fixed: Mapping[str, float] | None = None,
     progress: Callable[[str], None] = lambda text: None,
     holdout: Data | None = None,
+    held: Sequence[str] = (),
 ) -> Diagnosis:
     """Tell what a model gets wrong on a record.
 
@@ -179,6 +183,9 @@ def diagnose(
         Told what is being done.
     holdout : Data, optional
         Another record to judge by; without it the last third of the record is held out.
+    held : sequence of str
+        Parameters that are known, and keep their values. Where no input moves, a record can be judged only if every
+        start value is among them.
 
     Returns
     -------
@@ -196,10 +203,15 @@ def diagnose(
     if holdout is not None:
         holdout, more = _trusted(cls, holdout, fixed or {})
         notes += [f"in the record held out: {note}" for note in more if note not in notes]
-    unseen = Unseen.end_of(data) if holdout is None else Unseen.another(holdout)
-    first = data.part(0, unseen.first) if holdout is None else data
-    idle = not any(np.ptp(values) > 0.0 for values in first.inputs.values())
-    search = Search(first, cls, searched(cls), fixed or {}, progress)
+    first, unseen = Unseen.part_of(data) if holdout is None else (data, Unseen.another(holdout))
+    search = Search(first, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
+    still = not any(np.ptp(values) > 0.0 for values in first.inputs.values())
+    starts = [name for name in search.parameters if name.endswith("_start")]
+    idle = still and bool(starts)  # without knowing where it starts, how it settles tells nothing
+    if idle:
+        notes.append(f"if it started at rest, say so, and it can be judged how it settled: --hold {','.join(starts)}")
+    elif still:
+        notes = [note for note in notes if not note.startswith("no input moves")]
     found = Selection(search.nominal()) if idle else select(search, effects)
     found, predictions, dropped = _confirmed(found, unseen)
     notes += dropped
@@ -208,16 +220,22 @@ def diagnose(
     differing = _differing(final, search.parameters)
     shown = show(found.best, first)
     left = {output: _left(found.best, output, first, shown[output]) for output in found.best.fitted.residual}
-    notes += [f"{name} was not judged: {reason}" for name, reason in search.unjudged.items()]
+    notes += [f"{name} was not judged: {reason}" for name, reason in sorted(search.unjudged.items())]
+    notes += _confounded(found)
     verdict = "ambiguous" if idle else _verdict(found, left, differing)
     before, after = predictions[0].errors, predictions[-1].errors
+    if found.steps and not any(after[o] < before[o] for o in before):
+        notes.append(
+            "no gain is claimed: with what was named the part held out is likelier, given how uncertain the parameters "
+            "are, but the error there is not smaller"
+        )
     return Diagnosis(verdict, found, estimates, differing, left, before, after, first, unseen, final, notes)
 
 
 def _trusted(cls: type[Component], data: Data, fixed: Mapping[str, float]) -> tuple[Data, list[str]]:
     """Leave out what cannot be trusted before a model is blamed; what the model shows too is no fault of the data."""
     try:
-        simulated = CompiledModel(cls).run(data.time, data.inputs, fixed).signals
+        simulated = CompiledModel(cls).run(data.time, data.inputs, fixed, data.linear).signals
     except UserError:
         simulated = {}
     kept, findings = judge(data, {o: simulated[o] for o in data.measured if o in simulated})
@@ -243,6 +261,19 @@ def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Predic
     return found, predictions, []
 
 
+def _confounded(found: Selection) -> list[str]:
+    """What else may be behind part of what was named."""
+    named = {label(effect) for effect in found.best.candidate.effects}
+    told = []
+    for step in found.steps:
+        rivals = {label(rival.candidate.effects[-1]) for rival in step.rivals}
+        near = {name: share for name, share in step.alike.items() if share > _MOSTLY and name not in named | rivals}
+        if near:
+            others = ", ".join(f"{name} ({100.0 * near[name]:.0f} %)" for name in sorted(near, key=lambda n: -near[n]))
+            told.append(f"{label(step.chosen.candidate.effects[-1])}: much of what it does, others would do: {others}")
+    return told
+
+
 def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str]) -> str:
     if any(rest.lines or rest.jumps for rest in left.values()):
         return "unexplained"
@@ -250,15 +281,26 @@ def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str
     if not found.steps and any(rest.texts for rest in left.values()):
         return "unexplained"
     if found.steps:
-        return "ambiguous" if any(step.rivals for step in found.steps) else "cause"
+        return "ambiguous" if any(step.rivals for step in found.strong) else "cause"
     return "recalibrate" if differing else "consistent"
 
 
 def _spread(evidence: Evidence) -> Array:
-    """Return the standard errors of the searched coordinates; infinite where the record says nothing."""
-    seen, covariance = normal_inverse(evidence.fitted.information)
-    spread = np.full(len(evidence.fitted.q), np.inf)
-    spread[seen] = np.sqrt(np.diag(covariance))
+    """Return the standard errors of the searched coordinates; infinite where nothing is known of them.
+
+    What is believed counts, so that parameters of which the record tells a combination only, such as a ratio, are as
+    uncertain as they are.
+    """
+    fitted = evidence.fitted
+    known = fitted.information + np.diag(fitted.belief)
+    scale = np.sqrt(np.diag(known))
+    seen = np.flatnonzero(scale > 0.0)
+    size, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen]))
+    with np.errstate(divide="ignore"):
+        variance = np.where(size > FLAT, 1.0 / size, np.inf)
+        parts = np.where(np.abs(directions) > _TOUCHED, directions**2 * variance, 0.0)
+    spread = np.full(len(fitted.q), np.inf)
+    spread[seen] = np.sqrt(parts.sum(axis=1)) / scale[seen]
     return spread
 
 
@@ -294,4 +336,7 @@ def _left(evidence: Evidence, output: str, data: Data, shown: Shown) -> Left:
     white = whiteness(evidence.fitted.innovation[output])
     at = evidence.fitted.noise[output].kept(present)
     surprise = startled(evidence.fitted.innovation[output], at, data.inputs)
-    return Left(lines(residual, step), jumps(residual, time, inputs), white, surprise, shown)
+    if not evidence.problem.even:  # samples say nothing of frequencies, nor of what is sudden
+        return Left([], [], white, surprise, shown)
+    hums = lines(residual, step, data.measured[output][present])
+    return Left(hums, jumps(residual, time, inputs), white, surprise, shown)

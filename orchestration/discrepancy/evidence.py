@@ -38,17 +38,20 @@ class Data:
     time : ndarray, shape (n,)
     inputs, measured : Mapping of str to ndarray, shape (n,)
         NaN in an output is a gap.
+    linear : bool
+        Whether inputs go linearly from sample to sample; else each is held until the next.
     """
 
     time: Array
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
+    linear: bool = False
 
     def part(self, first: int, last: int) -> Data:
         """Samples from one to before another."""
         cut = slice(first, last)
         inputs, measured = ({n: v[cut] for n, v in group.items()} for group in (self.inputs, self.measured))
-        return Data(self.time[cut], inputs, measured)
+        return replace(self, time=self.time[cut], inputs=inputs, measured=measured)
 
 
 @dataclass(frozen=True)
@@ -169,6 +172,19 @@ class Search:
                 found[label(effect)] = "on this record other parameters do the same"
         return found
 
+    def alike(self, origin: Origin, effect: type[Effect], others: Sequence[type[Effect]]) -> dict[str, float]:
+        """Share of what an effect does, beyond the model it is laid over, that each of others does too."""
+        model = Linearised(origin.evidence.problem, origin.evidence.fitted)
+        seen = origin.seen[effect][1]
+        share = model.alike(max(seen, key=lambda lead: model.falls(lead.columns, lead.least, lead.most)[1]).columns)
+        looked = [other for other in others if other in origin.seen]
+
+        def most(other: type[Effect]) -> float:
+            # a little of it only: what a lot does may look like anything
+            return max((share(seen.columns) for seen in origin.seen[other][1] if seen.least <= 0.0), default=0.0)
+
+        return dict(zip(map(label, looked), side_by_side(most, looked), strict=True))
+
     def prospects(self, origin: Origin, effects: Sequence[type[Effect]]) -> list[Prospect]:
         """Effects that may be worth a fit over a fitted model, the most promising first."""
         model = Linearised(origin.evidence.problem, origin.evidence.fitted)
@@ -220,7 +236,8 @@ class Search:
                 start = found.problem.start | found.fitted.values
                 start[name] = float(np.clip(start[name] * factor, effect.declared[name].min, effect.declared[name].max))
                 best = min(best, self._again(candidate, start, found), key=lambda e: e.fitted.bic)
-        if not effect.output and effect.layout.states:
+        settled = not any(name.endswith("_start") for name in self.parameters)  # it is known where everything starts
+        if not effect.output and effect.layout.states and not settled:
             starts = (*candidate.starts, *(f"{state.name}_start" for state in effect.layout.states))
             moving = replace(candidate, starts=starts)
             best = min(
@@ -250,7 +267,8 @@ class Search:
         return self._searching(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
 
     def _searching(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
-        return Problem(candidate.cls, self.data.time, self.data.inputs, self.data.measured, names, fixed)
+        data = self.data
+        return Problem(candidate.cls, data.time, data.inputs, data.measured, names, fixed, data.linear)
 
 
 def side_by_side(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:

@@ -225,4 +225,4 @@ def _run(path: Path, values: Mapping[str, float], found: Diagnosis) -> dict[str,
     data = found.unseen.data
     with Fmu(path, values) as fmu:
         fmu.start(float(data.time[0]))
-        return fmu.run(data.time, data.inputs, list(data.measured))
+        return fmu.run(data.time, data.inputs, list(data.measured), linear=data.linear)

@@ -6,14 +6,14 @@ noise with a long memory to a model that has no word for it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.noise import Noise, estimate
+from orchestration.discrepancy.noise import Noise, estimate, white
 from orchestration.discrepancy.regression import Fitted
 from orchestration.identify.problem import Problem
 
@@ -61,15 +61,14 @@ class Linearised:
 
     def __init__(self, problem: Problem, fitted: Fitted):
         error, jacobian = problem.evaluate(fitted.q)
-        self._error, self._jacobian, self._present = error, jacobian, problem.present
+        self._error, self._jacobian, self._present, self._even = error, jacobian, problem.present, problem.even
         self._fitted = fitted
         believed = problem.position(problem.start)
         self._centre = np.where(fitted.belief > 0.0, believed, fitted.q)
         self._pull = fitted.belief * (fitted.q - self._centre)
         low, high = problem.bounds()
         self._room = low - fitted.q, high - fitted.q
-        white = {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2)))) for o, e in error.items()}
-        self._views = [self._view(noise) for noise in (fitted.noise, white)]
+        self._views = [self._view(noise) for noise in (fitted.noise, white(error, problem.even))]
 
     def _view(self, noise: Mapping[str, Noise]) -> tuple[Mapping[str, Noise], Array, Array, Array]:
         """Whitened residual and Jacobian, and the inverse of the normal matrix."""
@@ -95,11 +94,26 @@ class Linearised:
 
     def own(self, change: Columns) -> float:
         """Share of a change, in power, that the model's own coordinates cannot make."""
-        _, _, slopes, inverse = self._views[1]
-        column = self._whitened(change, self._views[1][0])
+        column, new = self._new(change)
         power = float(column @ column)
-        new = column - slopes @ (inverse @ (slopes.T @ column))
         return float(new @ new) / power if power > 0.0 else 0.0
+
+    def alike(self, change: Columns) -> Callable[[Columns], float]:
+        """Return what tells the share of a change, in power, that some of another makes, beyond the model's own."""
+        one = self._new(change)[1]
+
+        def share(other: Columns) -> float:
+            new = self._new(other)[1]
+            power = float(one @ one) * float(new @ new)
+            return float(one @ new) ** 2 / power if power > 0.0 else 0.0
+
+        return share
+
+    def _new(self, change: Columns) -> tuple[Array, Array]:
+        """Return a change in units of white noise, and what of it the model's own coordinates cannot make."""
+        noise, _, slopes, inverse = self._views[1]
+        column = self._whitened(change, noise)
+        return column, column - slopes @ (inverse @ (slopes.T @ column))
 
     def outlook(self, change: Columns, least: float, most: float) -> Outlook:
         """Solve for an amount of a change, within bounds, and the model's own coordinates beside it."""
@@ -115,7 +129,7 @@ class Linearised:
             amount = float(np.clip(wanted, least, most))
             step = np.clip(-inverse @ pulled - amount * along, *self._room)
             rest = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
-            noise = {o: estimate(e, self._present[o]) for o, e in rest.items()}
+            noise = {o: estimate(e, self._present[o], self._even) for o, e in rest.items()}
         below = self._fitted
         moved = below.q + step - self._centre
         innovations = {o: len(n.whiten(rest[o], self._present[o])) for o, n in noise.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from orchestration.identify.grey_box import autoregression
 
 Array = NDArray[np.float64]
-ORDER = 4  # highest that is tried; as many samples are dropped after every gap, whatever the order
+ORDER = 4  # highest that is tried
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,13 @@ class Noise:
     coefficients : ndarray, shape (p,)
     deviation : float
         Standard deviation of w, in the unit of the output.
+    memory : int
+        Samples dropped after every gap, the same for every candidate of one record, whatever the order that it takes.
     """
 
     coefficients: Array
     deviation: float
+    memory: int = ORDER
 
     def whiten(self, values: Array, present: NDArray[np.bool_]) -> Array:
         """Filter a residual, or every column of its Jacobian, into innovations over their standard deviation.
@@ -42,45 +46,54 @@ class Noise:
         -------
         ndarray, shape (m - dropped,) or (m - dropped, p)
         """
-        pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
+        pieces = [self._filtered(values[a:b]) for a, b in segments(present, self.memory)]
         return np.concatenate(pieces) if pieces else values[:0]
 
-    @staticmethod
-    def kept(present: NDArray[np.bool_]) -> NDArray[np.intp]:
+    def kept(self, present: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return the samples that innovations belong to."""
         where = np.flatnonzero(present)
-        return np.concatenate([where[:0], *(where[a + ORDER : b] for a, b in segments(present))])
+        return np.concatenate([where[:0], *(where[a + self.memory : b] for a, b in segments(present, self.memory))])
 
     def _filtered(self, piece: Array) -> Array:
         n = len(piece)
-        result = piece[ORDER:].copy()
+        result = piece[self.memory :].copy()
         for lag, coefficient in enumerate(self.coefficients, start=1):
-            result -= coefficient * piece[ORDER - lag : n - lag]
+            result -= coefficient * piece[self.memory - lag : n - lag]
         return result / self.deviation
 
 
-def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Stretches without a gap, as positions among the samples that are present."""
+def segments(present: NDArray[np.bool_], memory: int = ORDER) -> list[tuple[int, int]]:
+    """Stretches without a gap, longer than the memory, as positions among the samples that are present."""
     where = np.flatnonzero(present)
     breaks = np.flatnonzero(np.diff(where) > 1) + 1
     ends = [0, *breaks.tolist(), len(where)]
-    return [(a, b) for a, b in pairwise(ends) if b - a > ORDER]
+    return [(a, b) for a, b in pairwise(ends) if b - a > memory]
 
 
-def estimate(residual: Array, present: NDArray[np.bool_]) -> Noise:
+def white(residual: Mapping[str, Array], even: bool) -> dict[str, Noise]:
+    """White noise of the size of some residuals, by output."""
+    tiny, memory = np.finfo(float).tiny, ORDER if even else 0
+    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or tiny, memory) for o, e in residual.items()}
+
+
+def estimate(residual: Array, present: NDArray[np.bool_], even: bool = True) -> Noise:
     """Noise of a residual; its order is chosen by BIC.
 
     Parameters
     ----------
     residual : ndarray, shape (m,)
     present : ndarray of bool, shape (n,)
+    even : bool
+        Whether samples are equally spaced; else the noise is taken as white: no step tells of another.
 
     Returns
     -------
     Noise
     """
+    if not even:
+        return white({"": residual}, even)[""]
     longest = max(segments(present), key=lambda ends: ends[1] - ends[0], default=(0, len(residual)))
     coefficients, _ = autoregression(residual[slice(*longest)], ORDER)
-    white = Noise(coefficients, 1.0).whiten(residual, present)
-    deviation = float(np.sqrt(np.mean(white**2))) if white.size else 1.0
+    innovation = Noise(coefficients, 1.0).whiten(residual, present)
+    deviation = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 1.0
     return Noise(coefficients, deviation or np.finfo(float).tiny)

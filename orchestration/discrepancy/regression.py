@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.noise import Noise, estimate
+from orchestration.discrepancy.noise import Noise, estimate, white
 from orchestration.identify.damped import minimise
 from orchestration.identify.problem import Problem
 
@@ -20,6 +20,7 @@ BELIEF = 1.0
 FLAT = 1e-12  # relative curvature below which a direction counts as undetermined
 _PASSES = 3  # of fitting with a colour and estimating the colour from what is left
 _SETTLED = 0.5  # change of the log-likelihood that ends it
+_ENOUGH = 0.05  # fall of the sum of squared innovations that ends a search: far below what any evidence turns on
 
 
 @dataclass(frozen=True)
@@ -114,10 +115,10 @@ def fit(
         return fitted
 
     q = np.clip(problem.inside(start), low, high)
-    found = settled(q, noise or _white(problem.evaluate(q)[0]))
-    while any(len(n.coefficients) for n in found.noise.values()):
+    found = settled(q, noise or white(problem.evaluate(q)[0], problem.even))
+    while any(len(n.coefficients) > 1 for n in found.noise.values()):
         # a colour that has swallowed what the model could tell keeps it from being told: ask once more without
-        other = settled(found.q, _white(found.residual))
+        other = settled(found.q, white(found.residual, problem.even))
         if found.bic - other.bic < _SETTLED:
             break
         found = other
@@ -148,9 +149,10 @@ def _minimised(problem: Problem, q: Array, colours: Mapping[str, Noise], weight:
         prior[np.arange(len(held)), held] = root
         return np.vstack([*(colours[o].whiten(j, problem.present[o]) for o, j in jacobian.items()), prior])
 
-    q = minimise(rows, slopes, q, *problem.neighbourhood(q))
+    enough = _ENOUGH / size
+    q = minimise(rows, slopes, q, *problem.neighbourhood(q), enough)
     while (other := problem.beyond(q)) is not None:
-        other = minimise(rows, slopes, other, *problem.neighbourhood(other))
+        other = minimise(rows, slopes, other, *problem.neighbourhood(other), enough)
         if (rows(other) ** 2).sum() >= (rows(q) ** 2).sum():
             break
         q = other
@@ -160,7 +162,7 @@ def _minimised(problem: Problem, q: Array, colours: Mapping[str, Noise], weight:
 def _assessed(problem: Problem, q: Array, belief: Array, centre: Array) -> Fitted:
     """How likely a point makes the record, with the colour of what it leaves."""
     error, slopes = problem.evaluate(q)
-    noise = {o: estimate(e, problem.present[o]) for o, e in error.items()}
+    noise = {o: estimate(e, problem.present[o], problem.even) for o, e in error.items()}
     innovation = {o: n.whiten(error[o], problem.present[o]) for o, n in noise.items()}
     jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
     deviance = sum(2.0 * len(innovation[o]) * np.log(n.deviation) for o, n in noise.items())
@@ -178,11 +180,6 @@ def _assessed(problem: Problem, q: Array, belief: Array, centre: Array) -> Fitte
         count,
         len(jacobian),
     )
-
-
-def _white(residual: Mapping[str, Array]) -> dict[str, Noise]:
-    tiny = np.finfo(float).tiny
-    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or tiny) for o, e in residual.items()}
 
 
 def normal_inverse(information: Array) -> tuple[NDArray[np.intp], Array]:

@@ -13,10 +13,11 @@ from orchestration.discrepancy.evidence import Evidence, Origin, Prospect, Searc
 ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
 RIVAL = 6.0  # within which another candidate counts as not told apart
 MINOR = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
+WEAK = 0.2  # of the evidence for the first effect, below which another is a lesser matter
 MOST = 3  # effects that are looked for
 AT_ONCE = 2
-CONTENDS = 0.3  # of what the best gains, from which on it is worth making sure of a fit
-HOPELESS = 0.1  # of what another has gained already
+CONTENDS = 0.5  # of what the best gains, from which on it is worth making sure of a fit
+HOPELESS = 0.2  # of what another has gained already
 # A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
 # would add to that tells little. Where one held this close to nominal (in the logarithm) is this much less likely,
 # effects are looked at from both.
@@ -39,6 +40,8 @@ class Step:
         Candidates that cannot be told apart from it, the best first.
     rejected : list of tuple of Evidence and float
         Others that were fitted, with their gain.
+    alike : dict of str to float
+        Share of what it does that other effects do too, by their label.
     """
 
     chosen: Evidence
@@ -46,6 +49,7 @@ class Step:
     p_value: float
     rivals: list[Evidence]
     rejected: list[tuple[Evidence, float]]
+    alike: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,11 @@ class Selection:
     tried: int = 0
 
     @property
+    def strong(self) -> list[Step]:
+        """Steps for which there is not much less evidence than for the first."""
+        return [step for step in self.steps if step.gain >= WEAK * self.steps[0].gain]
+
+    @property
     def best(self) -> Evidence:
         """The model with all that was found."""
         return self.steps[-1].chosen if self.steps else self.base
@@ -90,9 +99,10 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
     base, near = search.nominal(), search.nominal(NEAR_NOMINAL)
     strayed = near.fitted.deviance - base.fitted.deviance > STRAYED
     origins = [search.look(model, effects) for model in ([base, near] if strayed else [base])]
-    search.unjudged |= search.silent(origins[0])
+    silent = search.silent(origins[0])
+    search.unjudged |= silent
     found = Selection(base, tried=len(effects))
-    left = list(effects)
+    left = [effect for effect in effects if label(effect) not in silent]
     while len(found.steps) < MOST:
         below = found.best
         ranked = _fitted(search, below, origins, left)
@@ -102,14 +112,27 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
             found.rejected.extend(ranked)
             break
         chosen, gain = better[0]
-        rivals = [e for e, g in better[1:] if gain - g < RIVAL]
-        rejected = [row for row in ranked[1:] if row[0] not in rivals]
-        found.steps.append(Step(chosen, gain, chosen.p_value(below, found.tried), rivals, rejected))
+        effect = chosen.candidate.effects[-1]
+        others = [row for row in ranked[1:] if not _interchangeable(row[0].candidate.effects[-1], effect)]
+        rivals = [e for e, g in others if g > enough and gain - g < RIVAL]
+        rejected = [row for row in others if row[0] not in rivals]
         named = {label(effect) for effect in chosen.candidate.effects}
         left = [effect for effect in left if label(effect) not in named]
         nearest = min(origins, key=lambda origin: _distance(origin.evidence, chosen))
+        alike = search.alike(nearest, effect, [other for other in left if not _interchangeable(other, effect)])
+        found.steps.append(Step(chosen, gain, chosen.p_value(below, found.tried), rivals, rejected, alike))
         origins = [Origin(chosen, nearest.seen)]
-    return found
+    named = {label(effect) for effect in found.best.candidate.effects}  # who was named beside another is no rival of it
+    steps = [
+        replace(s, rivals=[e for e in s.rivals if label(e.candidate.effects[-1]) not in named]) for s in found.steps
+    ]
+    return replace(found, steps=steps)
+
+
+def _interchangeable(one: type[Effect], other: type[Effect]) -> bool:
+    """Whether they are two of a kind, such as the second and the third element of a chain."""
+    kinds = [(vars(e)["made_by"], *vars(e)["made_with"][:2]) if "made_by" in vars(e) else e for e in (one, other)]
+    return kinds[0] == kinds[1]
 
 
 def _distance(one: Evidence, other: Evidence) -> float:

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter, median_filter
 from scipy.stats import f, norm
 
 Array = NDArray[np.float64]
 _ALARM = 1e-9  # probability of seeing any of it in noise; a hum or a slip that matters is far beyond
 _END = 4
+_SHARE = 0.05  # of the power of what is left, below which a line is not what is wrong
+_FOLLOWED = 0.1  # of the line that the output has, below which another there is what the model does not quite follow
+_LOBE = 2  # frequencies on either side of a line into which the window spreads it
 _FEW = 10  # samples with steps of an input that it takes to judge them
 _AFTER = 4  # samples after a step of an input in which no jump is seen
 _NEIGHBOURS = 61  # frequencies that tell how large the spectrum is about one of them
@@ -56,11 +59,12 @@ class Jump:
     p_value: float
 
 
-def lines(residual: Array, step: float) -> list[Line]:
+def lines(residual: Array, step: float, output: Array | None = None) -> list[Line]:
     """Frequencies at which a residual has far more power than about them.
 
     The periodogram of noise is exponentially distributed about its local level, which a running median tells once the
-    noise is roughly white.
+    noise is roughly white. Under a periodic input whatever a model gets wrong has lines, too: what is little beside the
+    line that the output has there is no disturbance.
 
     Parameters
     ----------
@@ -68,6 +72,8 @@ def lines(residual: Array, step: float) -> list[Line]:
         Equally spaced, without gaps.
     step : float
         Seconds between samples.
+    output : ndarray, shape (n,), optional
+        As it was measured.
 
     Returns
     -------
@@ -80,18 +86,26 @@ def lines(residual: Array, step: float) -> list[Line]:
     centred = residual - residual.mean()
     # one real pole flattens red noise and cannot swallow a line
     pole = float(centred[1:] @ centred[:-1] / (centred @ centred))
-    flat, window = centred[1:] - pole * centred[:-1], np.hanning(n - 1)
-    spectrum = np.abs(np.fft.rfft(flat * window)) ** 2
-    # at either end the window folds the spectrum onto itself, and what is left is not exponentially distributed
-    power, frequency = spectrum[_END:-_END], np.fft.rfftfreq(n - 1, step)[_END:-_END]
+    power = _power(centred, pole)
     level = median_filter(power, _NEIGHBOURS, mode="reflect") / np.log(2.0)
     ratio = power / np.where(level > 0.0, level, np.inf)
     p = np.minimum(1.0, len(power) * np.exp(-ratio))
-    peaks = [k for k in np.flatnonzero(p < _ALARM) if power[k] == power[max(0, k - 3) : k + 4].max()]
+    frequency = np.fft.rfftfreq(n - 1, step)[_END:-_END]
     passed = np.abs(1.0 - pole * np.exp(-2j * np.pi * frequency * step))
-    amplitude = 2.0 * np.sqrt(power) / window.sum() / passed
+    amplitude = 2.0 * np.sqrt(power) / np.hanning(n - 1).sum() / passed
+    least = np.sqrt(2.0 * _SHARE * np.mean(centred**2))
+    followed = np.zeros_like(power) if output is None else _FOLLOWED**2 * _power(output - output.mean(), pole)
+    matters = (p < _ALARM) & (amplitude > least) & (power > maximum_filter(followed, 2 * _LOBE + 1))
+    peaks = [k for k in np.flatnonzero(matters) if power[k] == power[max(0, k - 3) : k + 4].max()]
     found = [Line(float(frequency[k]), float(amplitude[k]), float(p[k])) for k in peaks]
     return sorted(found, key=lambda line: -line.amplitude)
+
+
+def _power(values: Array, pole: float) -> Array:
+    """Periodogram, flattened by a pole, at the frequencies that are judged."""
+    flat = values[1:] - pole * values[:-1]
+    # at either end the window folds the spectrum onto itself, and what is left is not exponentially distributed
+    return np.asarray(np.abs(np.fft.rfft(flat * np.hanning(len(flat))))[_END:-_END] ** 2)
 
 
 def jumps(residual: Array, time: Array, inputs: Mapping[str, Array]) -> list[Jump]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from orchestration.discrepancy.noise import Noise
 from orchestration.identify.damped import minimise
 from orchestration.identify.problem import Problem
 from orchestration.identify.residuals import normalised_rms
+from orchestration.records.clock import evenly_sampled
 
 Array = NDArray[np.float64]
 HELD_OUT = 1.0 / 3.0  # of a record, its end
@@ -61,6 +62,19 @@ class Unseen:
     continued: bool
 
     @classmethod
+    def part_of(cls, data: Data) -> tuple[Data, Unseen]:
+        """Divide a record into what is fitted to and what is held out.
+
+        That is its end, or where it is sampled unevenly, and no stretch of it is like another, every third sample.
+        """
+        if evenly_sampled(data.time):
+            unseen = cls.end_of(data)
+            return data.part(0, unseen.first), unseen
+        out = np.arange(len(data.time)) % round(1.0 / HELD_OUT) == 1
+        fitted, judged = ({o: np.where(which, y, np.nan) for o, y in data.measured.items()} for which in (~out, out))
+        return replace(data, measured=fitted), cls(replace(data, measured=judged), 0, True)
+
+    @classmethod
     def end_of(cls, data: Data) -> Unseen:
         """Hold out the end of a record, as far as every output was measured."""
         last = min(int(np.flatnonzero(np.isfinite(y))[-1]) for y in data.measured.values())
@@ -78,7 +92,9 @@ class Unseen:
             return values
         layout, before = evidence.candidate.cls.layout, self.data.part(0, self.first)
         starts = [f"{state.name}_start" for state in layout.states]
-        problem = Problem(evidence.candidate.cls, before.time, before.inputs, before.measured, starts, values)
+        problem = Problem(
+            evidence.candidate.cls, before.time, before.inputs, before.measured, starts, values, before.linear
+        )
         low, high = problem.bounds()
 
         def weighed(which: int, q: Array) -> Array:

@@ -14,14 +14,13 @@ from orchestration.discrepancy.selection import ACCEPT
 from orchestration.identify.grey_box import Estimate
 from orchestration.report import Markup, escaped
 
-_WEAK = 0.2  # of the evidence for the first effect
 _VAGUE = 1e4  # times its lower end, beyond which an interval tells nothing
 _SENTENCES = {
     "consistent": "The model is consistent with the record: nothing is wrong beyond noise.",
     "recalibrate": "The structure of the model is fine; parameters differ from nominal: {differing}.",
     "cause": "What the model gets wrong: {causes}.",
-    "ambiguous": "Something is wrong that this record cannot tell apart: {causes}{rivals}.",
-    "unexplained": "Something is left that nothing in the catalogue accounts for: {left}.",
+    "ambiguous": "Something is wrong that this record cannot tell apart: {causes}.",
+    "unexplained": "{beside} is left that nothing in the catalogue accounts for: {left}.",
 }
 
 
@@ -29,7 +28,6 @@ def sentence(found: Diagnosis) -> str:
     """The verdict in one sentence."""
     if found.verdict == "ambiguous" and not found.causes:
         return "This record cannot tell whether anything is wrong: no input moves."
-    rivals = [last(e) for step in found.selection.steps for e in step.rivals]
     left = []
     for output, rest in found.left.items():
         left += [f"a line at {line.frequency:.3g} Hz in {output}" for line in rest.lines[:1]]
@@ -37,17 +35,18 @@ def sentence(found: Diagnosis) -> str:
         left += [text.replace("it ", f"{output} ", 1) for text in rest.texts[:1]]
     words = {
         "differing": ", ".join(found.differing), "causes": _causes(found),
-        "rivals": f" or {', '.join(rivals)}" if rivals else "", "left": "; ".join(left),
+        "left": "; ".join(left), "beside": f"Beside {_causes(found)}, something" if found.causes else "Something",
     }  # fmt: skip
     return _SENTENCES[found.verdict].format(**words)
 
 
 def _causes(found: Diagnosis) -> str:
-    """Name the effects, and which are much weaker than the first."""
+    """Name the effects with what cannot be told apart from them, and which are much weaker than the first."""
     steps = found.selection.steps
-    strong = [name for name, step in zip(found.causes, steps, strict=True) if step.gain >= _WEAK * steps[0].gain]
-    weak = [name for name in found.causes if name not in strong]
-    return ", ".join(strong) + (f"; and, much weaker, {', '.join(weak)}" if weak else "")
+    named = [" or ".join([cause, *map(last, step.rivals)]) for cause, step in zip(found.causes, steps, strict=True)]
+    strong = [name for name, step in zip(named, steps, strict=True) if step in found.selection.strong]
+    weak = [name for name in named if name not in strong]
+    return "; ".join(strong) + (f"; and, much weaker, {', '.join(weak)}" if weak else "")
 
 
 def last(evidence: Evidence) -> str:

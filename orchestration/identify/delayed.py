@@ -2,7 +2,7 @@
 
 A component bears a delay in a shift register, because an FMU knows the past in no other way; over a whole record the
 past is there. What differs is that the register rounds the curvature within one of its periods, and that its dozens of
-discrete states, each with derivatives, cost a hundred times the model.
+discrete states, each with derivatives, cost many times the model.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ class DelayedModel:
     cls : type[Component]
     sensitivities : sequence of str
         Parameters with respect to which derivatives are wanted.
+    linear : bool
+        Whether inputs go linearly from sample to sample; else each is held until the next.
 
     Attributes
     ----------
@@ -37,11 +39,11 @@ class DelayedModel:
         Names of the delays by output.
     """
 
-    def __init__(self, cls: type[Component], sensitivities: Sequence[str]):
+    def __init__(self, cls: type[Component], sensitivities: Sequence[str], linear: bool = False):
         base, effects = vars(cls).get("stacked", (cls, ()))
         late = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
         rest = [e for e in effects if e not in late]
-        self.layout = cls.layout
+        self.layout, self._linear = cls.layout, linear
         self.delays = {effect.output: effect.neutral for effect in late}
         self._model = CompiledModel(
             stack(base, *rest) if rest else base, [n for n in sensitivities if n not in self.delays.values()]
@@ -52,10 +54,10 @@ class DelayedModel:
     def run(
         self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 1e6
     ) -> Trajectory:
-        """Simulate with inputs held between samples, as `CompiledModel.run`."""
+        """Simulate, as `CompiledModel.run`."""
         given = {name: value for name, value in parameters.items() if name in self._known}
         if not self.delays:
-            return self._model.run(time, inputs, given, effort=effort)
+            return self._model.run(time, inputs, given, self._linear, effort)
         delays = {output: parameters[name] for output, name in self.delays.items()}
         late = {output: delay for output, delay in delays.items() if delay > 0.0}
         looks = {output: _look(time, delay) for output, delay in late.items()}
@@ -63,8 +65,9 @@ class DelayedModel:
             np.concatenate([time, *(x for pair in looks.values() for x in pair)]), return_inverse=True
         )
         held = np.searchsorted(time, instants, "right") - 1
-        fed = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time))[held] for n, v in inputs.items()}
-        ran = self._model.run(instants, fed, given, effort=effort)
+        full = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time)) for n, v in inputs.items()}
+        fed = {n: np.interp(instants, time, v) if self._linear else v[held] for n, v in full.items()}
+        ran = self._model.run(instants, fed, given, self._linear, effort)
         places = iter(np.split(back, 1 + 2 * len(looks)))
         now = next(places)
         signals = {name: values[now] for name, values in ran.signals.items()}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from orchestration.identify.delayed import DelayedModel
+from orchestration.records.clock import evenly_sampled
 
 Array = NDArray[np.float64]
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
@@ -60,6 +61,8 @@ class Problem:
         Parameters to search, start values of states included.
     fixed : Mapping[str, float]
         Values of others, and starting points of those to search.
+    linear : bool
+        Whether inputs go linearly from sample to sample; else each is held until the next.
 
     Attributes
     ----------
@@ -68,6 +71,8 @@ class Problem:
         Value of every parameter where the search starts.
     measured, present : dict of str to ndarray
         Outputs of which anything was measured, and where.
+    even : bool
+        Whether samples are equally spaced.
     scales : list of Scale
     evaluations : int
         Simulations made.
@@ -80,14 +85,15 @@ class Problem:
 
     def __init__(
         self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
-        names: Sequence[str], fixed: Mapping[str, float],
+        names: Sequence[str], fixed: Mapping[str, float], linear: bool = False,
     ):  # fmt: skip
-        self.model = DelayedModel(cls, names)
+        self.model = DelayedModel(cls, names, linear)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
         for name in names:
             if self.declared[name].type != "real":
                 raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
         self.time, self.inputs, self.names = time, inputs, list(names)
+        self.even = evenly_sampled(time)
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
