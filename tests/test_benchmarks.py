@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import ageing, building, coupling, importing, machine, master, record, stepping
+from benchmarks import ageing, building, coupling, diagnosing, importing, machine, master, record, stepping
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
 
@@ -106,6 +106,13 @@ def test_build() -> None:
         assert runtime in ("python", "native")
         assert 0 < compressed < library
         assert compressed + rest < total  # what is left is the directory of the archive
+
+
+def test_a_diagnosis_is_timed_over_the_length_of_the_record():
+    (table,) = diagnosing.measure(quick=True).tables
+    assert [row[0] for row in table.rows] == [600, 1200]
+    assert all(row[1] > 0.0 and row[2] == pytest.approx(1e6 * row[1] / row[0]) for row in table.rows)
+    assert {row[4] for row in table.rows} == {"strain_saturation"}
 
 
 def test_a_platform_without_a_library_is_not_built() -> None:

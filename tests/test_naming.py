@@ -14,7 +14,10 @@ from benchmarks.naming import Case, cases, judge, page, right, run
 from orchestration.rig.variations import CATALOGUE
 
 SAMPLE = [
-    *(Case("strength", (name,), 1, {"noise_colour": (0.0, 0.9)[k % 2]}) for k, name in enumerate(CATALOGUE)),
+    *(
+        Case("strength", (name,), 1, {"noise_colour": (0.9, 0.0)[k % 2], "duration": 300.0})
+        for k, name in enumerate(CATALOGUE)
+    ),
     *(Case("clean", (), 7, {"noise_colour": colour}) for colour in (0.0, 0.9)),
     *(Case("outside the catalogue", (name,), 11) for name in ("hum", "restless_air", "loose_contact")),
     Case("k2 -30 %", (), 11, {"changed": {"k2": 0.7}, "spread": 0.0}),

@@ -1,0 +1,62 @@
+"""Naming a cause: the time that a diagnosis with the full catalogue takes, over the length of the record."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from functools import partial
+
+import numpy as np
+
+from fmus import component, effects
+from orchestration.discrepancy.candidate import catalogue
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.evidence import Data
+from orchestration.rig.bench import NOISE
+from orchestration.rig.emulator import EmulatedRig, RigParameters
+from orchestration.rig.hidden_coupling import SaturatingStrain
+from orchestration.stimuli import multilevel
+
+from .tables import Cell, Table, Topic
+
+ROWS, RATE = (6_000, 60_000, 180_000, 600_000), 10.0  # samples, Hz
+LIMITS = {6_000: 5.0, 180_000: 60.0}  # s
+
+
+def measure(quick: bool = False) -> Topic:
+    """Diagnose ever longer records of one rig with a hidden saturation, each in a process of its own."""
+    rows: list[list[Cell]] = []
+    for count in (600, 1_200) if quick else ROWS:
+        command = [sys.executable, "-c", f"from benchmarks.diagnosing import once; once({count})"]
+        if not rows:  # whatever has to be compiled is compiled now
+            subprocess.run(command, check=True, capture_output=True)
+        seconds, peak, cause = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+        limit = LIMITS.get(count)
+        met = "" if limit is None else f"{'met' if float(seconds) <= limit else 'missed'}: {limit:g} s"
+        rows.append([count, float(seconds), float(seconds) / count * 1e6, float(peak) / 1e6, cause, met])
+    text = (
+        f"Records at {RATE:g} Hz of an emulated rig whose strain saturates; all effects of the actuator and of both "
+        "measurements are looked at. The time is that of `diagnose` alone, models compiled before; the peak is the "
+        "memory of the whole process."
+    )
+    columns = ["samples", "s", "µs for a sample", "peak, GB", "named first", "target"]
+    return Topic("Naming a cause", [text, Table(columns, rows)])
+
+
+def once(count: int) -> None:
+    """Diagnose one record and print seconds, peak memory in kB, and what was named first."""
+    import resource  # not on every system
+
+    instants = np.arange(count) / RATE
+    current = multilevel(instants, [-1.2, -0.5, 0.2, 0.8, 1.2], (2.0, 9.0), 1)
+    force = multilevel(instants, [0.4, 1.0, 1.8, 2.8], (10.0, 30.0), 2)
+    hidden = partial(SaturatingStrain, saturation=0.4)
+    rig = EmulatedRig(RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0, hidden=hidden)
+    measured = rig.run(instants, current, force)
+    cls = component("ppy_actuator")
+    began = time.perf_counter()
+    data = Data(instants, {"current": current, "force": force}, measured)
+    found = diagnose(cls, data, catalogue(cls, effects("ppy_actuator"), measured))
+    seconds = time.perf_counter() - began
+    print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, (found.causes or ["nothing"])[0])
