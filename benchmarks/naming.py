@@ -12,9 +12,11 @@ import json
 import os
 import tempfile
 import time as clock
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "naming.md"
-_CODE = ("fmus/kit", "fmus/ppy_actuator", "orchestration/discrepancy", "orchestration/identify", "orchestration/rig")
+_CODE = ("fmus/kit", "fmus/ppy_actuator", "orchestration", "benchmarks/naming.py")
 PAIRS = (
     ("strain_saturation", "double_layer"), ("resistance_growth", "quadratic_strain"),
     ("second_kelvin", "charge_dependent_capacitance"), ("nonlinear_stiffness", "force_to_voltage"),
@@ -87,21 +89,28 @@ def cases(seeds: int) -> Iterator[Case]:
                 yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
 
 
-def judge(case: Case) -> dict[str, Any]:
-    """Draw a record, diagnose it from its CSV file, and tell what was said and what would have been right."""
+def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
+    """Draw a record, diagnose it from its CSV file, and tell what was said and what would have been right.
+
+    Parameters
+    ----------
+    case : Case
+    records : Path, optional
+        Folder where drawn records are kept.
+    """
     from fmus.ppy_actuator.effects import EFFECTS
     from fmus.ppy_actuator.model import PpyActuator
     from orchestration.discrepancy.candidate import catalogue
     from orchestration.discrepancy.diagnosis import diagnose
     from orchestration.discrepancy.evidence import Data
+    from orchestration.discrepancy.words import last
     from orchestration.identify.residuals import normalised_rms
     from orchestration.records import read_record
     from orchestration.rig.bench import NOISE
     from orchestration.rig.records import UNITS, draw, write
 
-    cache = Path(os.environ["PPY_STUDY_RECORDS"]) if "PPY_STUDY_RECORDS" in os.environ else None
     try:
-        drawn = draw(case.hidden, case.seed, cache=cache, **case.options)
+        drawn = draw(case.hidden, case.seed, cache=records, **case.options)
     except ValueError as error:
         return asdict(case) | {"impossible": str(error)}
     with tempfile.TemporaryDirectory() as folder:
@@ -124,10 +133,10 @@ def judge(case: Case) -> dict[str, Any]:
         "widths": [h.widths for h in drawn.truth.hidden],
         "verdict": found.verdict,
         "causes": found.causes,
-        "rivals": [[e.candidate.name.split(" + ")[-1] for e in s.rivals] for s in found.selection.steps],
+        "rivals": [[last(e) for e in s.rivals] for s in found.selection.steps],
         "gains": [s.gain for s in found.selection.steps],
         "differing": found.differing,
-        "ratio": max(found.after[o] / best[o] for o in measured),
+        "ratio": max(error / best[o] for o, error in found.after.items()),
         "inside": inside,
         "seconds": took,
     }  # fmt: skip
@@ -141,15 +150,16 @@ def right(row: dict[str, Any]) -> bool:
         return row["verdict"] == "unexplained"
     if not row["hidden"]:
         return not row["causes"] and row["verdict"] in ("consistent", "recalibrate")
-    if row["alike"] and not row["causes"]:
-        return row["verdict"] == "recalibrate"  # other parameters of the base model do just the same
     if len(row["wanted"]) > 1:
         groups = [{cause, *rivals} for cause, rivals in zip(row["causes"], row["rivals"], strict=True)]
-        return all(any(wanted in group for group in groups) for wanted in row["wanted"])
+        chosen = permutations(groups, len(row["wanted"]))
+        return any(all(w in group for w, group in zip(row["wanted"], some, strict=True)) for some in chosen)
+    if row["alike"] and not row["causes"]:
+        return row["verdict"] == "recalibrate"  # other parameters of the base model do just the same
     return bool(row["causes"]) and row["wanted"][0] in {row["causes"][0], *row["rivals"][0]}
 
 
-def run(wanted: Iterable[Case], folder: Path, workers: int) -> list[dict[str, Any]]:
+def run(wanted: Iterable[Case], folder: Path, workers: int, records: Path | None = None) -> list[dict[str, Any]]:
     """Judge all cases that are not in the folder yet, side by side."""
     folder.mkdir(parents=True, exist_ok=True)
     todo, rows = [], []
@@ -160,7 +170,7 @@ def run(wanted: Iterable[Case], folder: Path, workers: int) -> list[dict[str, An
         else:
             todo.append((case, file))
     with ProcessPoolExecutor(workers) as pool:
-        waiting = {pool.submit(judge, case): (case, file) for case, file in todo}
+        waiting = {pool.submit(judge, case, records): (case, file) for case, file in todo}
         for k, done in enumerate(as_completed(waiting), start=1):
             case, file = waiting[done]
             row = done.result()
@@ -204,14 +214,12 @@ def page(rows: list[dict[str, Any]]) -> str:
             these = [row for row in single if row["hidden"][0] == name and group in (row["group"], None)]
             cells.append(f"{sum(map(right, these))}/{len(these)}")
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    lines += ["", "## What was named instead", "", "| hidden | named first | times |", "|---|---|---|"]
-    wrong: dict[tuple[str, str], int] = {}
+    lines += ["", "## What was named first", "", "| hidden | named first: times |", "|---|---|"]
+    said: dict[str, Counter[str]] = defaultdict(Counter)
     for row in rows:
-        if not right(row):
-            said = row["causes"][0] if row["causes"] else row["verdict"]
-            key = (" + ".join(row.get("wanted") or []) or row["group"], said)
-            wrong[key] = wrong.get(key, 0) + 1
-    lines += [f"| {hidden} | {said} | {n} |" for (hidden, said), n in sorted(wrong.items())]
+        said[" + ".join(row["wanted"]) or row["group"]][row["causes"][0] if row["causes"] else row["verdict"]] += 1
+    for hidden in sorted(said):
+        lines.append(f"| {hidden} | " + ", ".join(f"{name}: {n}" for name, n in said[hidden].most_common()) + " |")
     inside = [hit for row in rows if right(row) for hit in row["inside"].values()]
     share = f"{100 * np.mean(inside):.1f} %"
     lines += ["", f"Of {len(inside)} physical parameters of rightly judged records, {share} lie within their interval."]
@@ -227,9 +235,11 @@ def page(rows: list[dict[str, Any]]) -> str:
 def _digest() -> str:
     """Name the code that makes the diagnoses."""
     digest = hashlib.sha256()
-    for folder in _CODE:
-        for file in sorted((ROOT / folder).rglob("*.py")):
-            digest.update(file.read_bytes())
+    for place in _CODE:
+        found = [ROOT / place] if (ROOT / place).is_file() else sorted((ROOT / place).rglob("*.*"))
+        for file in found:
+            if file.suffix in (".py", ".c", ".h"):
+                digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -238,13 +248,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.naming", description=__doc__.split("\n\n")[0])
     parser.add_argument("--seeds", type=int, default=4, help="of every variation; 4 are some 900 records")
     parser.add_argument("--folder", type=Path, help="where diagnoses are kept; default build/naming/DIGEST")
+    parser.add_argument("--records", type=Path, help="where drawn records are kept; default nowhere")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--only", nargs="*", default=[], help="words that the group or the hidden effect must contain")
     parser.add_argument("--out", type=Path, help="page to write; default docs/naming.md unless --only is given")
     chosen = parser.parse_args()
     wanted = [c for c in cases(chosen.seeds) if all(word in f"{c.group} {c.hidden}" for word in chosen.only)]
     folder = chosen.folder or ROOT / "build" / "naming" / _digest()
-    text = page(run(wanted, folder, chosen.workers))
+    text = page(run(wanted, folder, chosen.workers, chosen.records))
     out = chosen.out or (None if chosen.only else PAGE)
     print(text)
     if out is not None:

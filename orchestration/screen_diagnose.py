@@ -26,7 +26,7 @@ from orchestration.discrepancy.words import last, sentence
 from orchestration.identify.residuals import number
 from orchestration.models import Model
 from orchestration.records import Record, parse_mapping
-from orchestration.rig import HIGHEST, LIMITS
+from orchestration.rig import DRIVEN, HIGHEST, LIMITS
 from orchestration.screen import out, plain_table, progress, tell_repairs
 
 if TYPE_CHECKING:
@@ -123,8 +123,8 @@ def run(
         trial = _experiment(found, data, model, tell)
         if files.report is not None:
             tell("drawing the report")
-            shown = {output: left.shown for output, left in found.left.items()}
-            context = Context(record, model, command, chosen, other, gain, shown, trial)
+            left = {output: rest.shown for output, rest in found.left.items()}
+            context = Context(record, model, command, chosen, other, gain, left, trial)
             page(found, context).write(files.report)
     _show(found, gain)
     if trial is not None:
@@ -153,15 +153,23 @@ def _extended(found: Diagnosis, files: Files, tell: Callable[[str], None]) -> tu
     if files.fmu is not None:
         made = export(cls, files.fmu, filter(None, (files.record, files.holdout)), progress=tell)
     tell("running the extended FMU over the part held out")
-    return measured_gain(found, made[0] if made else build_cached(cls, "native")), made
+    try:
+        return measured_gain(found, made[0] if made else build_cached(cls, "native")), made
+    except UserError as error:  # what was found stands without it
+        found.notes.append(f"the extended FMU could not be run over the part held out: {error}")
+        return None, made
 
 
 def _experiment(found: Diagnosis, data: Data, model: Model, tell: Callable[[str], None]) -> Separation | None:
     """Design an experiment where something cannot be told apart."""
     if found.verdict != "ambiguous":
         return None
-    ours = model.cls is not None and model.name == "ppy_actuator"
-    return design(found.selection, data, LIMITS if ours else None, HIGHEST if ours else np.inf, None, tell)
+    ours = model.name == DRIVEN
+    try:
+        return design(found.selection, data, LIMITS if ours else None, HIGHEST if ours else np.inf, None, tell)
+    except UserError as error:  # what was found stands without it
+        found.notes.append(f"no experiment could be designed: {error}")
+        return None
 
 
 def as_json(found: Diagnosis, gain: Gain | None, trial: Separation | None) -> dict[str, Any]:

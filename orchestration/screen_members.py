@@ -34,6 +34,8 @@ def run(
     unfit = [option for option, value in others.items() if value is not None]
     if unfit:
         raise UserError(f"{unfit[0]} is about one model; --system tells which member to name with --model")
+    if result is not None and result.is_dir():
+        raise UserError(f"--json {result}: this is a folder; name a file in it")
     if result is not None and any(p.exists() and result.exists() and result.samefile(p) for p in (record, system)):
         raise UserError(f"--json {result}: this is what is read; it will not be overwritten")
     with progress() as tell:

@@ -85,6 +85,16 @@ def test_a_correlation_over_a_gap_uses_the_pairs_there_are():
     assert found.strength == pytest.approx(1.0, abs=0.1)
 
 
+def test_without_an_even_clock_the_samples_are_correlated_as_they_are():
+    residual, present = noise(0.0, 1), EVERY.copy()
+    present[1000:1400] = False
+    left, other = residual[present], noise(0.0, 2) + residual
+    kind = estimate(left, present, even=False)
+    (found,) = associations("y", left, present, kind, [Explaining("u", other, "A")], STEP)
+    assert found.lag == 0.0
+    assert found.strength == pytest.approx(np.corrcoef(left, other[present])[0, 1], abs=0.01)
+
+
 def test_where_a_residual_is_larger_is_told():
     signals = bench(7)
     charge = next(s for s in signals if s.name == "charge").values

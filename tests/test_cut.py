@@ -13,6 +13,7 @@ from fmus import effects
 from fmus.kit import stack
 from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError
+from orchestration import screen_members
 from orchestration.discrepancy.cut import cut, names
 from orchestration.discrepancy.members import Effort, diagnose_system
 from orchestration.fused import fuse
@@ -219,6 +220,17 @@ def test_a_name_that_all_ends_share_needs_no_member(tmp_path):
     assert names(fed)["u"] == Port("a", "u")
 
 
+@pytest.mark.parametrize("few", [2, 19])
+def test_an_output_that_was_hardly_measured_is_judged_all_the_same(tmp_path, few):
+    lags(tmp_path, 0.0)
+    record = {"drive": np.sin(0.05 * np.arange(200)), "a.x": np.full(200, np.nan)}
+    record["a.x"][:few] = 0.3
+    write_record(tmp_path / "few.csv", 0.05 * np.arange(200), record, dict.fromkeys(record, "1"))
+    found = diagnose_system(tmp_path / "few.csv", tmp_path / "system.ssp")
+    assert found.members[0].final["x"].whiteness is None
+    assert found.as_json()["members"][0]["outputs"]["x"]["white"] is None
+
+
 def test_a_column_twice_and_a_record_too_short_are_refused(tmp_path):
     lags(tmp_path, 0.0)
     two = {"drive": np.zeros(200), "a.u": np.ones(200), "a.x": np.ones(200)}
@@ -229,3 +241,8 @@ def test_a_column_twice_and_a_record_too_short_are_refused(tmp_path):
     write_record(tmp_path / "short.csv", 0.05 * np.arange(50), short, dict.fromkeys(short, "1"))
     with pytest.raises(UserError, match="50 samples are too few; 100 are the least"):
         diagnose_system(tmp_path / "short.csv", tmp_path / "system.ssp")
+
+
+def test_a_folder_is_refused_before_anything_is_read(tmp_path):
+    with pytest.raises(UserError, match=r"^--json .*: this is a folder; name a file in it$"):
+        screen_members.run(tmp_path / "no.csv", tmp_path / "no.ssp", [], [], tmp_path, {})

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, rosen
 from scipy.signal import lfilter
 
+from fmus.kit import Component, Output, Parameter
 from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
@@ -220,3 +222,63 @@ def test_an_effect_that_cannot_be_simulated_is_told(monkeypatch):
     monkeypatch.setattr(evidence, "leads", fails_to)
     found = diagnose(PpyActuator, record(None), FEW[:1])
     assert found.notes == ["strain_saturation was not judged: no derivative there"]
+
+
+# --- records as they are ---------------------------------------------------------------------------------------------
+
+
+def test_a_gap_is_no_jump():
+    """Red noise moves far while nobody looks; held against the samples on either side it has jumped."""
+    time, noise = 0.1 * np.arange(3000), coloured(0.95, 3, 3000)
+    there = np.ones(3000, dtype=bool)
+    for start in range(200, 2900, 140):
+        there[start : start + 60] = False
+    drive = {"drive": np.repeat(np.arange(100) % 3, 30)[there].astype(float)}
+    assert jumps(noise[there], time[there], drive) == []
+    slipped = noise + np.where(time > 101.0, 30.0 * noise.std(), 0.0)
+    (found,) = jumps(slipped[there], time[there], drive)
+    assert found.time == pytest.approx(101.1)
+
+
+def test_an_output_full_of_gaps_is_left_out_with_a_note():
+    data = record(None)
+    gaps = data.measured["voltage"].copy()
+    gaps[::3] = np.nan
+    found = diagnose(PpyActuator, replace(data, measured=data.measured | {"voltage": gaps}), [])
+    assert list(found.left) == ["displacement"]
+    assert "voltage: too little of it is without gaps to say anything" in found.notes
+
+
+def test_an_output_that_ends_early_does_not_take_the_record_with_it():
+    data = record(None)
+    short = data.measured["displacement"].copy()
+    short[80:] = np.nan
+    found = diagnose(PpyActuator, replace(data, measured=data.measured | {"displacement": short}), [])
+    assert list(found.left) == ["voltage"]
+    assert any(note.startswith("displacement: ends at 15.8 s, long before the others") for note in found.notes)
+
+
+def test_what_only_one_of_two_records_has_is_not_judged():
+    data, other = record(None), record(None)
+    dead = data.measured | {"displacement": np.zeros(len(data.time))}
+    for fitted, unseen in ((replace(data, measured=dead), other), (other, replace(data, measured=dead))):
+        assert list(diagnose(PpyActuator, fitted, [], holdout=unseen).after) == ["voltage"]
+
+
+def test_a_model_without_states_or_inputs_can_be_diagnosed():
+    class Gauge(Component):
+        """A line over time that is wrongly scaled."""
+
+        name = "gauge"
+        slope = Parameter(2.0, "V/s", min=0, doc="slope")
+
+        @Output("V", doc="what is shown")
+        def shown(self):
+            return self.slope * self.time
+
+    time = 0.1 * np.arange(600)
+    data = Data(time, {}, {"shown": 2.5 * time + 1e-3 * coloured(0.0, 1, 600)})
+    for holdout in (None, data):
+        found = diagnose(Gauge, data, [], holdout=holdout)
+        assert found.estimates["slope"].value == pytest.approx(2.5, rel=1e-3)
+        assert found.causes == []

@@ -53,13 +53,16 @@ def test_what_counts_as_right():
     pair = row | {"hidden": ["a", "b"], "wanted": ["a", "b"]}
     assert right(pair | {"causes": ["b", "a"], "rivals": [[], []]})
     assert not right(pair | {"causes": ["b"], "rivals": [[]]})
+    assert not right(pair | {"causes": ["a"], "rivals": [["b"]]})
+    assert not right(pair | {"causes": [], "rivals": [], "verdict": "recalibrate", "alike": True})
     changed = row | {"group": "k2 -30 %", "verdict": "recalibrate", "causes": [], "rivals": []}
     assert right(changed | {"differing": ["k2"]})
     assert not right(changed | {"differing": ["R1", "k2"]})
 
 
 LEAST = {
-    "strength 1": 0.95, "strength 0.3": 0.90, "clean": 0.98, "outside": 0.95, "two effects": 0.80, "R1": 1.0, "k2": 1.0,
+    "strength 1": 0.95, "strength 0.3": 0.90, "clean, φ = 0.9": 0.98, "clean, φ = 0": 0.98, "outside": 0.95,
+    "two effects": 0.80, "R1": 1.0, "k2": 1.0,
 }  # fmt: skip
 
 

@@ -51,6 +51,27 @@ class Adjusted:
     whole: bool
 
 
+@dataclass(frozen=True)
+class _Point:
+    """A point of the search.
+
+    Attributes
+    ----------
+    cost : float
+        Infinite where nothing was simulated.
+    q : ndarray, shape (p,)
+    error : ndarray, shape (m,), optional
+        Residuals in their widths.
+    jacobian : ndarray, shape (m, p), optional
+        Of the residuals; of the best point before this one until there is one here.
+    """
+
+    cost: float
+    q: Array
+    error: Array | None = None
+    jacobian: Array | None = None
+
+
 def adjust(alone: Alone, simulated: Mapping[str, Array], most: int, views: bool = True) -> Adjusted:
     """Adjust the few parameters that help most.
 
@@ -76,22 +97,21 @@ def adjust(alone: Alone, simulated: Mapping[str, Array], most: int, views: bool 
         if search.names:
             search.fit(search.start)
             search.weigh()
-            search.fit(search.best[1])
+            search.fit(search.best.q)
             for name in [n for n, f in alone.cut.inputs.items() if f.values is not None and f.smooth and views]:
                 before, held = search.best, set(alone.held)
                 alone.held = held ^ {name}
                 search.forget()
-                search.fit(before[1])
-                if search.best[0] >= _BETTER * before[0]:
+                search.fit(before.q)
+                if search.best.cost >= _BETTER * before.cost:
                     search.best, alone.held = before, held
     except Spent:
         whole = False
-        if not np.isfinite(search.best[0]) and search.names:
-            search.best = (np.inf, search.start, None)
-    if not whole and search.before is not None and search.before[0] <= search.best[0]:
+        if not np.isfinite(search.best.cost) and search.names:
+            search.best = _Point(np.inf, search.start)
+    if not whole and search.before is not None and search.before.cost <= search.best.cost:
         search.best, alone.held = search.before, held
-    _, q, jacobian = search.best
-    spread = search.spread(jacobian) if jacobian is not None else np.full(q.size, np.inf)
+    q, spread = search.best.q, search.spread()
     nominal = {n: search.declared[n].start for n in search.names}
     moved, error = ({n: float(x) for n, x in zip(search.names, v, strict=True)} for v in (q - search.start, spread))
     return Adjusted(search.values(q), nominal, moved, error, whole)
@@ -111,8 +131,8 @@ class _Search:
         self.scale = {n: Scale(p.min >= 0.0 and p.start > 0.0, size[n]) for n, p in self.declared.items()}
         self.names: list[str] = []
         self.width = {o: rms(e) or 1.0 for o, e in self._left(simulated).items()}
-        self.best: tuple[float, Array, Array | None] = (np.inf, np.empty(0), None)
-        self.before: tuple[float, Array, Array | None] | None = None
+        self.best = _Point(np.inf, np.empty(0))
+        self.before: _Point | None = None
         self._at: tuple[bytes, Array] | None = None
         self._count = 0
 
@@ -140,12 +160,12 @@ class _Search:
 
     def forget(self) -> None:
         """Begin again, with other widths or another view of the inputs."""
-        self.before, self.best, self._at = self.best, (np.inf, self.best[1], None), None
+        self.before, self.best, self._at = self.best, _Point(np.inf, self.best.q), None
 
     def weigh(self) -> None:
         """Weigh outputs by what is left of them."""
         if len(self.width) > 1:
-            left = self._left(self.alone.simulate(self.values(self.best[1])))
+            left = self._left(self.alone.simulate(self.values(self.best.q)))
             self.width = {o: rms(e) or 1.0 for o, e in left.items()}
             self.forget()
             self.before = None
@@ -156,20 +176,20 @@ class _Search:
 
     def _rows(self, q: Array) -> Array:
         try:
-            rows = np.concatenate([self._error(q), (q - self.start) / _BELIEF])
+            rows = np.concatenate([error := self._error(q), (q - self.start) / _BELIEF])
         except UserError:
             if not self._count:
                 raise
             return np.full(self._count, np.inf)  # a point to step back from
         self._count = rows.size
-        if (cost := float(rows @ rows)) < self.best[0]:
-            self.best = (cost, q, self.best[2])
+        if (cost := float(rows @ rows)) < self.best.cost:
+            self.best = _Point(cost, q, error, self.best.jacobian)
         return rows
 
     def _slopes(self, q: Array) -> Array:
         middle = self._error(q)
         columns = np.column_stack([self._column(q, i, middle) for i in range(q.size)])
-        self.best = (*self.best[:2], columns)
+        self.best = replace(self.best, jacobian=columns)
         return np.vstack([columns, np.eye(q.size) / _BELIEF])
 
     def _column(self, q: Array, i: int, middle: Array) -> Array:
@@ -201,18 +221,20 @@ class _Search:
             columns = {n: c - unit * (unit @ c) for n, c in columns.items()}
             columns = {n: c for n, c in columns.items() if c @ c > _ALIKE * size[n]}
         self.names, self._at = chosen, None
-        self.best = (np.inf, self.start, None)
+        self.best = _Point(np.inf, self.start)
 
-    def spread(self, jacobian: Array) -> Array:
-        """Standard errors, allowing for the colour of what is left (Ljung, section 9.4)."""
+    def spread(self) -> Array:
+        """Standard errors of the best point, allowing for the colour of what is left (Ljung, section 9.4)."""
+        error, jacobian = self.best.error, self.best.jacobian
+        if error is None or jacobian is None:
+            return np.full(self.best.q.size, np.inf)
         inverse = np.linalg.pinv(jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / _BELIEF**2)
-        left = self._left(self.alone.last)
         begin, scores = 0, []
-        for output, e in left.items():
-            noise, rows = estimate(e, self.present[output]), jacobian[begin : begin + e.size]
-            begin += e.size
-            taps = [1.0, *-noise.coefficients]
-            scores.append(lfilter([noise.deviation / self.width[output]], taps, rows[::-1], axis=0))
+        for present in self.present.values():
+            rows = slice(begin, begin + int(present.sum()))
+            begin = rows.stop
+            noise = estimate(error[rows], present)
+            scores.append(lfilter([noise.deviation], [1.0, *-noise.coefficients], jacobian[rows][::-1], axis=0))
         coloured = np.vstack(scores)
         return np.asarray(np.sqrt(np.diag(inverse @ (coloured.T @ coloured) @ inverse)))
 

@@ -50,8 +50,6 @@ class Alone:
         Inputs that are held between samples; the others change linearly.
     made : int
         Simulations so far.
-    last : dict of str to ndarray, shape (n,)
-        What the last of them gave.
     """
 
     cut: Cut
@@ -61,7 +59,6 @@ class Alone:
     tell: Callable[[int], None]
     held: set[str] = field(default_factory=set)
     made: int = 0
-    last: dict[str, Array] = field(default_factory=dict)
 
     def simulate(
         self, values: Mapping[str, float], every: int = 1, disturbed: np.random.Generator | None = None
@@ -118,7 +115,6 @@ class Alone:
         for name, column in found.items():
             if not np.isfinite(column).all():
                 raise UserError(f"{self.cut.member.name}: {name} is not a finite number")
-        self.last = found
         return found
 
     @property

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import f, norm, t
 
-from orchestration.discrepancy.noise import ORDER, Noise, estimate, segments
+from orchestration.discrepancy.noise import Noise, estimate
 from orchestration.discrepancy.wandering import Slow, slow
 
 if TYPE_CHECKING:
@@ -264,8 +264,7 @@ def associations(
     list of Association
         The strongest first.
     """
-    where, n = np.flatnonzero(present), present.size
-    kept = np.concatenate([where[a + ORDER : b] for a, b in segments(present)] or [where[:0]])
+    n, kept = present.size, noise.kept(present)
     reach = min(lags, n // 20)
     if kept.size < _FEWEST or reach < 1:
         return []
@@ -277,7 +276,7 @@ def associations(
     found = []
     for signal in signals:
         white = noise.whiten(signal.values, everywhere)
-        white = np.concatenate([np.zeros(ORDER), white - white.mean()])
+        white = np.concatenate([np.zeros(noise.memory), white - white.mean()])
         # sums over the samples at which there are both, for every shift
         together = np.array([_overlap(innovation, white, int(k)) for k in shifts])
         energy = np.array([_overlap(seen, white**2, int(k)) for k in shifts])
@@ -412,6 +411,8 @@ def regions(
     list of Region
         The most telling first.
     """
+    if residual.size < 2 * _FEWEST:
+        return []
     wanted = [s for s in signals if not s.name.startswith("square of ")]
     square, worth = residual**2, 1.0 / _repetition(residual)
     total, n = float(square.sum()), residual.size

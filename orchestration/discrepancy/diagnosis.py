@@ -18,12 +18,14 @@ from orchestration.discrepancy.associations import Shown, show
 from orchestration.discrepancy.candidate import label
 from orchestration.discrepancy.data_quality import judge
 from orchestration.discrepancy.evidence import Data, Evidence, Search
+from orchestration.discrepancy.noise import ORDER, segments
 from orchestration.discrepancy.regression import FLAT
 from orchestration.discrepancy.selection import Selection, select
 from orchestration.discrepancy.structure import Jump, Line, jumps, lines, startled
 from orchestration.discrepancy.unseen import HELD_OUT, Prediction, Unseen
 from orchestration.identify.grey_box import Estimate
 from orchestration.identify.residuals import Whiteness, number, whiteness
+from orchestration.records.clock import evenly_sampled
 
 Array = NDArray[np.float64]
 _DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
@@ -32,6 +34,7 @@ _SHORTEST = 150  # samples to fit to
 _BEYOND_DOUBT = 1e-4  # probability of what counts as structure that is left
 _TOUCHED = 1e-6  # share of a coordinate in a direction of which nothing is known, from which on it is unknown too
 _MOSTLY = 0.75  # share of what an effect does that another would do too, to be told
+_LASTING = 0.5  # of the record, before which an output ends too early
 _FEWEST = 20  # samples without which an output tells nothing
 
 
@@ -49,6 +52,8 @@ class Left:
         How probable it is in noise that innovations are so much larger where an input steps.
     shown : Shown
         What it goes along with, where it is larger than elsewhere, and whether it wanders.
+    even : bool
+        Whether samples are equally spaced; else only where it is larger can be told.
     """
 
     lines: list[Line]
@@ -56,15 +61,18 @@ class Left:
     whiteness: Whiteness
     startled: float
     shown: Shown
+    even: bool = True
 
     @property
     def texts(self) -> list[str]:
         """What cannot be noise, beside lines and jumps: one line each, the most telling first."""
         shown = self.shown
+        regions = [region.text for region in shown.regions if region.p_value < _BEYOND_DOUBT]
+        if not self.even:
+            return regions
         found = ["it wanders slowly"] if shown.slow.significant else []
         found += ["it is worse where an input steps"] if self.startled < _BEYOND_DOUBT else []
-        found += [region.text for region in shown.regions if region.p_value < _BEYOND_DOUBT]
-        return found + [a.text for a in shown.associations if a.p_value < _BEYOND_DOUBT]
+        return found + regions + [a.text for a in shown.associations if a.p_value < _BEYOND_DOUBT]
 
 
 @dataclass(frozen=True)
@@ -203,7 +211,16 @@ def diagnose(
     if holdout is not None:
         holdout, more = _trusted(cls, holdout, fixed or {})
         notes += [f"in the record held out: {note}" for note in more if note not in notes]
+    data, early = _lasting(data)
     first, unseen = Unseen.part_of(data) if holdout is None else (data, Unseen.another(holdout))
+    usable = _usable(first)
+    notes += early + [
+        f"{o}: too little of it is without gaps to say anything" for o in first.measured if o not in usable
+    ]
+    first, data = first.only(usable), data.only(usable)
+    unseen = replace(unseen, data=unseen.data.only(usable))
+    if not (first.measured and unseen.data.measured):
+        raise UserError("; ".join(["no output can be both fitted and judged", *notes]))
     search = Search(first, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
     still = not any(np.ptp(values) > 0.0 for values in first.inputs.values())
     starts = [name for name in search.parameters if name.endswith("_start")]
@@ -245,6 +262,21 @@ def _trusted(cls: type[Component], data: Data, fixed: Mapping[str, float]) -> tu
     if not enough:
         raise UserError("; ".join(told))
     return replace(kept, measured=enough), told
+
+
+def _lasting(data: Data) -> tuple[Data, list[str]]:
+    """Leave out outputs that end long before the others: the part held out is the end of what all of them have."""
+    ends = {o: int(np.flatnonzero(np.isfinite(y))[-1]) for o, y in data.measured.items()}
+    short = [o for o, end in ends.items() if end < _LASTING * max(ends.values())]
+    told = [f"{o}: ends at {data.time[ends[o]]:.6g} s, long before the others, and is not used" for o in short]
+    return data.only([o for o in ends if o not in short]), told
+
+
+def _usable(data: Data) -> list[str]:
+    """Outputs with enough samples behind each other to know their noise."""
+    memory = ORDER if evenly_sampled(data.time) else 0
+    lengths = {o: [b - a - memory for a, b in segments(np.isfinite(y), memory)] for o, y in data.measured.items()}
+    return [o for o, length in lengths.items() if sum(length) >= _FEWEST]
 
 
 def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Prediction], list[str]]:
@@ -296,7 +328,7 @@ def _spread(evidence: Evidence) -> Array:
     scale = np.sqrt(np.diag(known))
     seen = np.flatnonzero(scale > 0.0)
     size, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen]))
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # what is unknown, times nothing, is nothing
         variance = np.where(size > FLAT, 1.0 / size, np.inf)
         parts = np.where(np.abs(directions) > _TOUCHED, directions**2 * variance, 0.0)
     spread = np.full(len(fitted.q), np.inf)
@@ -337,6 +369,7 @@ def _left(evidence: Evidence, output: str, data: Data, shown: Shown) -> Left:
     at = evidence.fitted.noise[output].kept(present)
     surprise = startled(evidence.fitted.innovation[output], at, data.inputs)
     if not evidence.problem.even:  # samples say nothing of frequencies, nor of what is sudden
-        return Left([], [], white, surprise, shown)
-    hums = lines(residual, step, data.measured[output][present])
+        return Left([], [], white, surprise, shown, even=False)
+    a, b = max(segments(present, 0), key=lambda ends: ends[1] - ends[0])
+    hums = lines(residual[a:b], step, data.measured[output][present][a:b])
     return Left(hums, jumps(residual, time, inputs), white, surprise, shown)

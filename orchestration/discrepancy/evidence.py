@@ -47,6 +47,10 @@ class Data:
     measured: Mapping[str, Array]
     linear: bool = False
 
+    def only(self, outputs: Sequence[str]) -> Data:
+        """Some of the outputs."""
+        return replace(self, measured={o: y for o, y in self.measured.items() if o in outputs})
+
     def part(self, first: int, last: int) -> Data:
         """Samples from one to before another."""
         cut = slice(first, last)
@@ -155,6 +159,7 @@ class Search:
             try:
                 problem = self._searching(candidate, own_parameters(effect), {**self.fixed, **below.fitted.values})
                 seen[effect] = problem, leads(problem, effect)
+                problem.forget()
             except UserError as error:
                 self.unjudged[label(effect)] = str(error)
 

@@ -180,7 +180,7 @@ def export(
     return list(places.values())
 
 
-def measured_gain(found: Diagnosis, fmu: Path) -> Gain:
+def measured_gain(found: Diagnosis, fmu: Path, runtime: str = "native") -> Gain:
     """Run the extended model's FMU, and that of the refitted base, over the data held out.
 
     Both run with what was fitted to the other data: the defaults of the extended model's FMU have seen all of them.
@@ -190,6 +190,8 @@ def measured_gain(found: Diagnosis, fmu: Path) -> Gain:
     found : Diagnosis
     fmu : Path
         What :func:`export` wrote.
+    runtime : {"native", "python"}
+        Build of the base model.
 
     Returns
     -------
@@ -203,7 +205,7 @@ def measured_gain(found: Diagnosis, fmu: Path) -> Gain:
     unseen, best, base = found.unseen, found.selection.best, found.selection.base
     set_before = _settable(base.candidate.cls, unseen.values(base))
     set_after = _settable(best.candidate.cls, unseen.values(best))
-    before = _run(build_cached(base.candidate.cls, "native"), set_before, found)
+    before = _run(build_cached(base.candidate.cls, runtime), set_before, found)
     after = _run(fmu, set_after, found)
     white = {}
     for output, noise in best.fitted.noise.items():

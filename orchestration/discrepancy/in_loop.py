@@ -120,8 +120,7 @@ class InLoop(Alone):
                             member.look()
         if not np.isfinite(result).all():
             raise UserError(f"{self.cut.member.name}: an output is not a finite number")
-        self.last = {name: result[:, i] for i, name in enumerate(outputs)}
-        return self.last
+        return {name: result[:, i] for i, name in enumerate(outputs)}
 
     def _thinned(self, values: Array | None, every: int) -> Array:
         if values is None:

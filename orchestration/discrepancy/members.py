@@ -41,6 +41,7 @@ _LOOP_STEP = 5.0  # communication steps of the system that are made at once whil
 _LOOP_SIMULATIONS = 50  # at most: they take several times as long
 _DIFFERS, _NOTICED = 5.0, 0.02  # standard errors, and share, by which a parameter counts as another
 _SHORTEST = 100  # samples
+_TESTED = 20  # samples that a test of whiteness needs
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,8 @@ class Judged:
         Of the measurement, as the record itself tells: standard deviation of what changes from sample to sample.
     doubt : float
         What noise of the inputs, and their course between samples, can do to the output: rms.
-    whiteness : Whiteness
+    whiteness : Whiteness or None
+        None if there are too few samples to test.
     explained : Explained
         Of the residual, by the member's inputs and outputs.
     slow : Slow
@@ -88,7 +90,7 @@ class Judged:
     rms: float
     noise: float
     doubt: float
-    whiteness: Whiteness
+    whiteness: Whiteness | None
     explained: Explained
     slow: Slow
     associations: list[Association]
@@ -229,7 +231,7 @@ def _output_json(m: MemberDiagnosis, output: str) -> dict[str, Any]:
     return {
         "fit_percent_before": number(before.fit_percent), "fit_percent": number(after.fit_percent),
         "rms": number(after.rms), "unit": after.unit, "noise": after.noise, "doubt": after.doubt,
-        "white": after.whiteness.is_white,
+        "white": after.whiteness.is_white if after.whiteness else None,
         "explained": {"rms": after.explained.rms, "p_value": after.explained.p_value},
         "slow": {"rms": after.slow.rms, "p_value": after.slow.p_value},
         "associations": [a.text for a in after.associations if a.significant][:5],
@@ -417,9 +419,10 @@ def _outputs(alone: Alone, values: Mapping[str, float]) -> dict[str, Judged]:
     for output, y in alone.cut.outputs.items():
         present = np.isfinite(y)
         residual = (simulated[output] - y)[present]
+        tested = whiteness(residual) if residual.size >= _TESTED else None
         judged[output] = Judged(
             y, simulated[output], units[output], fit_percent(y, simulated[output]), rms(residual), floor(residual),
-            doubt[output], whiteness(residual), explained(residual, present, plain), slow(residual),
+            doubt[output], tested, explained(residual, present, plain), slow(residual),
             associations(output, residual, present, estimate(residual, present), signals, step),
             find_regions(output, residual, present, signals),
         )  # fmt: skip

@@ -118,10 +118,13 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
         rejected = [row for row in others if row[0] not in rivals]
         named = {label(effect) for effect in chosen.candidate.effects}
         left = [effect for effect in left if label(effect) not in named]
-        nearest = min(origins, key=lambda origin: _distance(origin.evidence, chosen))
+        able = [origin for origin in origins if origin.seen.get(effect, (None, []))[1]]
+        nearest = min(able, key=lambda origin: _distance(origin.evidence, chosen))
         alike = search.alike(nearest, effect, [other for other in left if not _interchangeable(other, effect)])
         found.steps.append(Step(chosen, gain, chosen.p_value(below, found.tried), rivals, rejected, alike))
         origins = [Origin(chosen, nearest.seen)]
+    for evidence, _ in [*((s.chosen, s.gain) for s in found.steps), *found.rejected]:
+        search.unjudged.pop(label(evidence.candidate.effects[-1]), None)  # from elsewhere it could be fitted
     named = {label(effect) for effect in found.best.candidate.effects}  # who was named beside another is no rival of it
     steps = [
         replace(s, rivals=[e for e in s.rivals if label(e.candidate.effects[-1]) not in named]) for s in found.steps

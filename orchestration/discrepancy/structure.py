@@ -84,6 +84,8 @@ def lines(residual: Array, step: float, output: Array | None = None) -> list[Lin
     if n < 4 * _NEIGHBOURS:
         return []
     centred = residual - residual.mean()
+    if not centred.any():
+        return []
     # one real pole flattens red noise and cannot swallow a line
     pole = float(centred[1:] @ centred[:-1] / (centred @ centred))
     power = _power(centred, pole)
@@ -111,12 +113,13 @@ def _power(values: Array, pole: float) -> Array:
 def jumps(residual: Array, time: Array, inputs: Mapping[str, Array]) -> list[Jump]:
     """Steps in a residual where no input steps.
 
-    The mean over some samples after an instant is held against that before it; in noise the difference scatters as its
-    own median tells.
+    A sample is held against the one before it, unless a gap lies between; in noise their difference scatters as its own
+    median tells.
 
     Parameters
     ----------
     residual, time : ndarray, shape (n,)
+        Where something was measured.
     inputs : Mapping of str to ndarray, shape (n,)
 
     Returns
@@ -124,14 +127,18 @@ def jumps(residual: Array, time: Array, inputs: Mapping[str, Array]) -> list[Jum
     list of Jump
         In order of time.
     """
-    difference = np.diff(residual)
-    spread = float(np.median(np.abs(difference - np.median(difference)))) / float(norm.ppf(0.75))
+    difference, apart = np.diff(residual), np.diff(time)
+    near = apart < 1.5 * np.median(apart)
+    spread = float(np.median(np.abs(difference[near] - np.median(difference[near])))) / float(norm.ppf(0.75))
     if spread == 0.0:
         return []
     # a record may show an input a sample early, and what a model makes of a step is least right just after it
-    moved = np.convolve(steps(inputs)[1:], np.ones(_AFTER + 2), "full")[1 : len(difference) + 1] > 0.0
+    moved = np.convolve(steps(inputs, len(time))[1:], np.ones(_AFTER + 2), "full")[1 : len(difference) + 1] > 0.0
     p = np.minimum(1.0, 2.0 * len(difference) * norm.sf(np.abs(difference) / spread))
-    return [Jump(float(time[k + 1]), float(difference[k]), float(p[k])) for k in np.flatnonzero((p < _ALARM) & ~moved)]
+    return [
+        Jump(float(time[k + 1]), float(difference[k]), float(p[k]))
+        for k in np.flatnonzero((p < _ALARM) & near & ~moved)
+    ]
 
 
 def startled(innovation: Array, at: NDArray[np.intp], inputs: Mapping[str, Array]) -> float:
@@ -143,15 +150,20 @@ def startled(innovation: Array, at: NDArray[np.intp], inputs: Mapping[str, Array
     at : ndarray of int, shape (k,)
         The samples that they belong to.
     inputs : Mapping of str to ndarray, shape (n,)
+
+    Returns
+    -------
+    float
+        1 where there are too few steps to tell.
     """
-    there = steps(inputs)[at]
+    there = steps(inputs, int(at.max(initial=-1)) + 1)[at]
     if min(there.sum(), (~there).sum()) < _FEW:
         return 1.0
     ratio = float(np.mean(innovation[there] ** 2) / np.mean(innovation[~there] ** 2))
     return float(f.sf(ratio, there.sum(), (~there).sum()))
 
 
-def steps(inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Where any input differs from the sample before by more than a hundredth of its range."""
+def steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
+    """Where any input differs from the sample before by more than a hundredth of its range; `count` without inputs."""
     moved = [np.abs(np.diff(u, prepend=u[:1])) > 0.01 * np.ptp(u) for u in inputs.values() if np.ptp(u) > 0.0]
-    return np.any(moved, axis=0) if moved else np.zeros(len(next(iter(inputs.values()), ())), dtype=bool)
+    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)

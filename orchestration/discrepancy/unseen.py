@@ -92,6 +92,8 @@ class Unseen:
             return values
         layout, before = evidence.candidate.cls.layout, self.data.part(0, self.first)
         starts = [f"{state.name}_start" for state in layout.states]
+        if not starts:
+            return values
         problem = Problem(
             evidence.candidate.cls, before.time, before.inputs, before.measured, starts, values, before.linear
         )
@@ -124,14 +126,16 @@ class Unseen:
         """Minus twice the logarithm of how likely a model makes the unseen data, in noise that is given.
 
         What the fit left open in the parameters is granted: with their covariance P and the derivatives J of the
-        innovations r, the innovations have the covariance I + J P J'.
+        innovations r, the innovations have the covariance I + J P J'. In a record of its own nothing is granted to
+        where the states start, which was estimated on its first samples.
         """
         evidence, left, slopes = prediction.evidence, [], []
+        moved = np.array([self.continued or not name.endswith("_start") for name in evidence.problem.names])
         for output, y in self.data.measured.items():
             present = np.isfinite(y)
             present[: self.first] = False
             left.append(noise[output].whiten((prediction.simulated[output] - y)[present], present))
-            slopes.append(noise[output].whiten(prediction.slopes[output][present], present))
+            slopes.append(noise[output].whiten(prediction.slopes[output][present] * moved, present))
         fitted, problem = evidence.fitted, evidence.problem
         seen = np.vstack([noise[o].whiten(j, problem.present[o]) for o, j in problem.evaluate(fitted.q)[1].items()])
         r, j = np.concatenate(left), np.concatenate(slopes)

@@ -147,7 +147,7 @@ class Problem:
         """Ends of the ranges in searched coordinates, each of shape (p,)."""
         ranges = [(self.declared[n].min, self.declared[n].max) for n in self.names]
         ends = [(s.position(low), s.position(high)) for s, (low, high) in zip(self.scales, ranges, strict=True)]
-        low, high = np.array(ends).T
+        low, high = np.array(ends, dtype=float).reshape(-1, 2).T
         return low, high
 
     def neighbourhood(self, q: Array) -> tuple[Array, Array]:
