@@ -228,6 +228,10 @@ def page(rows: list[dict[str, Any]]) -> str:
     if clean:
         lines += [f"On clean records, {100 * np.mean(clean):.1f} % of {len(clean)} do.", ""]
     seconds = [row["seconds"] for row in rows]
+    lines += [
+        "The rig's effects have other forms than the catalogue's, which moves parameters that trade with them.",
+        "",
+    ]
     lines += [f"A diagnosis took {np.median(seconds):.1f} s (median), {np.quantile(seconds, 0.95):.1f} s (95 %).", ""]
     return "\n".join(lines)
 

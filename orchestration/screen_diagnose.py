@@ -53,17 +53,23 @@ class Files:
     fmu: Path | None = None
     experiment: Path | None = None
 
-    def check(self) -> None:
+    def check(self, sources: Sequence[Path] = ()) -> None:
         """Refuse, before any work is done, names under which nothing can be written or something would be lost.
+
+        Parameters
+        ----------
+        sources : sequence of Path
+            Files of the model.
 
         Raises
         ------
         UserError
         """
         read = {"the record": self.record, "the record held out": self.holdout}
+        read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
         written = {"--json": self.result, "--report": self.report, "--experiment": self.experiment}
         if self.fmu is not None:
-            destinations(self.fmu, filter(None, read.values()))
+            written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, filter(None, read.values())).items()}
         for option, path in written.items():
             if path is None:
                 continue
@@ -96,7 +102,7 @@ def run(
     UserError
         If a record or the model cannot be used, an effect is unknown, or something could not be written.
     """
-    files.check()
+    files.check([Path(name.rpartition(":")[0])] if models.names_class(name) else [])
     with progress() as tell:
         tell(f"building {name} unless it is there")
         model = models.find_model(name)
@@ -106,10 +112,12 @@ def run(
         record = read_for(model, files.record, renamed)
         tell_repairs(record.repairs)
         data = replace(_data(model, record, given), linear=linear)
+        absent = _absent(model, record, given, files.record)
         other = holdout = None
         if files.holdout is not None:
             other = read_for(model, files.holdout, renamed)
             tell_repairs([replace(r, message=f"{files.holdout.name}: {r.message}") for r in other.repairs])
+            absent += _absent(model, other, given, files.holdout)
             holdout = _judged(replace(_data(model, other, given), linear=linear), data, files.holdout)
         chosen = _chosen(catalogue(model.cls, models.catalogue(model.cls), data.measured), wanted)
         fixed = {n: value for n, value in given.items() if n in model.parameters}
@@ -119,6 +127,7 @@ def run(
                     f"--hold: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}"
                 )
         found = diagnose(model.cls, data, chosen, fixed, tell, holdout, held)
+        found.notes[:0] = absent
         gain, made = _extended(found, files, tell)
         trial = _experiment(found, data, model, tell)
         if files.report is not None:
@@ -195,11 +204,22 @@ def _is_there(option: str, path: Path) -> bool:
 
 
 def _data(model: Model, record: Record, given: Mapping[str, float]) -> Data:
-    """Split a record into inputs and real outputs; inputs that the user gives are constant."""
-    inputs = {n: values for n, values in record.signals.items() if n in model.inputs}
-    inputs |= {n: np.full(record.time.size, value) for n, value in given.items() if n in model.inputs}
+    """Split a record into inputs and real outputs; inputs that are absent are constant, as given or as they start."""
+    given = {n: value for n, value in given.items() if n in model.inputs}
+    constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | given
+    inputs = {n: np.full(record.time.size, value) for n, value in constant.items()}
+    inputs |= {n: values for n, values in record.signals.items() if n in model.inputs and n not in given}
     real = {n for n, signal in model.outputs.items() if signal.type == "real"}
     return Data(record.time, inputs, {n: values for n, values in record.signals.items() if n in real})
+
+
+def _absent(model: Model, record: Record, given: Mapping[str, float], path: Path) -> list[str]:
+    """Tell which inputs are neither in a record nor given."""
+    return [
+        f"{path.name} has no {n}: taken to be {signal.start:g} {signal.unit} throughout; --set {n}=... says otherwise"
+        for n, signal in model.inputs.items()
+        if signal.type == "real" and n not in record.signals and n not in given
+    ]
 
 
 def _judged(holdout: Data, data: Data, path: Path) -> Data:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from fmus.kit import archive
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.associations import told
-from orchestration.discrepancy.members import SystemDiagnosis, diagnose_system
+from orchestration.discrepancy.member_verdict import SystemDiagnosis
+from orchestration.discrepancy.members import diagnose_system
+from orchestration.discrepancy.regions import told
 from orchestration.screen import out, plain_table, progress, tell_repairs
 
 _SENTENCES = {

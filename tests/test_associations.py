@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from orchestration.discrepancy.associations import Explaining, associations, explained, explaining, regions, told
+from orchestration.discrepancy.associations import Explaining, associations, explaining
 from orchestration.discrepancy.evidence import Data, Search
+from orchestration.discrepancy.explained import explained
 from orchestration.discrepancy.noise import estimate
+from orchestration.discrepancy.regions import regions, told
 from orchestration.discrepancy.wandering import slow
 from orchestration.rig.records import draw
 from orchestration.stimuli import multilevel

@@ -14,7 +14,9 @@ from fmus.kit import stack
 from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError
 from orchestration import screen_members
-from orchestration.discrepancy.cut import cut, names
+from orchestration.discrepancy.adjusting import _Search
+from orchestration.discrepancy.alone import opened
+from orchestration.discrepancy.cut import cut, names, read
 from orchestration.discrepancy.members import Effort, diagnose_system
 from orchestration.fused import fuse
 from orchestration.records import write_record
@@ -185,6 +187,26 @@ def test_members_of_others_are_judged_too(tmp_path):
     _, slow = lags(tmp_path, 0.0, a=1.4)
     assert verdicts(slow) == {"a": "recalibrate", "b": "consistent"}
     assert slow.members[0].parameters["tau"].value == pytest.approx(1.4, rel=0.01)
+
+
+def test_the_error_of_a_parameter_is_that_of_the_best_point_whatever_was_tried_after_it(tmp_path):
+    system, _ = lags(tmp_path, 0.0, a=1.4)
+    record, measured = read(tmp_path / "record.csv", system, {})
+    part = cut(system, measured, {})[0]
+    with opened(part, record.time, 50, lambda made: None) as alone:
+        alone.choose_holding({})
+        search = _Search(alone, alone.simulate({}))
+        search.names = ["tau"]
+        search.fit(search.start)
+        error, best = search.spread(), search.values(search.best.q)
+        alone.simulate({"tau": 20.0})
+        search._rows(search.start + 3.0)
+        assert search.spread() == error
+        # white noise of 0.003, and the slope by the logarithm of tau at the best point
+        up, down = (alone.simulate({"tau": best["tau"] * np.exp(sign * 0.01)})["x"] for sign in (1.0, -1.0))
+        slope = (up - down) / 0.02
+        assert best["tau"] == pytest.approx(1.4, rel=0.01)
+        assert error[0] == pytest.approx(0.003 / np.sqrt(slope @ slope), rel=0.1)
 
 
 # --- what is cut where ----------------------------------------------------------------------------------------------

@@ -30,7 +30,8 @@ from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.evidence import Data
 from orchestration.discrepancy.extension import Gain
 from orchestration.discrepancy.page import Context, page
-from orchestration.discrepancy.separation import Expected, Separation, Stimulus
+from orchestration.discrepancy.separation import Expected, Separation
+from orchestration.discrepancy.stimulus_menu import Stimulus
 from orchestration.discrepancy.structure import Jump, Line
 from orchestration.identify.grey_box import Estimate
 from orchestration.plots import MOST, Boundary, Panel, Trace, broken, envelope, stacked

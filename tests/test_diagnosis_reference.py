@@ -14,7 +14,8 @@ from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.diagnosis import diagnose, searched
 from orchestration.discrepancy.evidence import Data, Search
 from orchestration.discrepancy.linear import Linearised
-from orchestration.discrepancy.separation import Expected, Separation, Stimulus
+from orchestration.discrepancy.separation import Expected, Separation
+from orchestration.discrepancy.stimulus_menu import Stimulus
 from orchestration.discrepancy.structure import Jump, Line
 from orchestration.discrepancy.unseen import HELD_OUT
 from orchestration.discrepancy.words import sentence

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from orchestration.discrepancy.diagnosis import diagnose, searched
 from orchestration.discrepancy.evidence import Data
 from orchestration.discrepancy.noise import ORDER, Noise, estimate, segments
 from orchestration.discrepancy.structure import jumps, lines
+from orchestration.discrepancy.words import sentence
 from orchestration.identify.damped import minimise
 from orchestration.rig.records import draw, write
 from tests.test_cli import ppy, works
@@ -282,3 +284,55 @@ def test_a_model_without_states_or_inputs_can_be_diagnosed():
         found = diagnose(Gauge, data, [], holdout=holdout)
         assert found.estimates["slope"].value == pytest.approx(2.5, rel=1e-3)
         assert found.causes == []
+
+
+def test_inputs_that_only_jitter_tell_nothing():
+    data = record(None)
+    jitter = {name: 0.5 + 1e-5 * coloured(0.0, k, u.size) for k, (name, u) in enumerate(data.inputs.items())}
+    noise = {name: 1e-3 * np.ptp(y) * coloured(0.0, 7, y.size) for name, y in data.measured.items()}
+    found = diagnose(PpyActuator, replace(data, inputs=jitter, measured=noise), FEW)
+    assert (found.verdict, found.causes, found.differing) == ("ambiguous", [], [])
+    assert any("lost in the noise" in note for note in found.notes)
+
+
+def test_a_wrong_unit_is_no_cause():
+    data = record("strain_saturation")
+    wrong = data.measured | {"displacement": 1e3 * data.measured["displacement"]}
+    found = diagnose(PpyActuator, replace(data, measured=wrong), FEW)
+    assert found.verdict == "unexplained"
+    assert "look at units, signs and columns first" in sentence(found)
+
+
+def test_what_is_left_where_the_cause_does_not_act_is_told():
+    """A saturation of the strain does not touch the voltage, which wanders."""
+    data = record("strain_saturation")
+    wander = 2e-3 * np.cumsum(coloured(0.0, 5, data.time.size))
+    found = diagnose(
+        PpyActuator, replace(data, measured=data.measured | {"voltage": data.measured["voltage"] + wander}), FEW
+    )
+    assert found.verdict == "unexplained"
+    assert found.causes[:1] == ["strain_saturation"]
+    assert sentence(found).startswith("Beside strain_saturation, something is left")
+
+
+def test_numbers_that_no_sensor_gives_are_refused():
+    data = record(None)
+    with pytest.raises(UserError, match="voltage: values beyond"):
+        diagnose(PpyActuator, replace(data, measured={"voltage": 1e300 * data.measured["voltage"]}), FEW)
+
+
+def test_an_input_that_is_absent_is_told_and_taken_as_it_starts(tmp_path):
+    drawn = draw(None, 1, duration=300.0, rate=5.0)
+    write(replace(drawn, inputs={"current": drawn.inputs["current"]}), tmp_path / "record.csv")
+    text = works("diagnose", "record.csv", "--effects", "none", cwd=tmp_path)
+    assert "record.csv has no force: taken to be 0 N throughout; --set force=... says otherwise" in " ".join(
+        text.split()
+    )
+
+
+def test_the_file_of_the_model_is_not_overwritten(tmp_path):
+    shutil.copy("examples/positioning_stage.py", tmp_path / "stage.py")
+    write(draw(None, 1, duration=100.0, rate=5.0), tmp_path / "record.csv")
+    for option in (["--json", "stage.py"], ["--fmu", "s.fmu", "--json", "s.fmu"]):
+        told = fails("diagnose", "record.csv", "--model", "stage.py:PositioningStage", *option, cwd=tmp_path)
+        assert "will not be overwritten" in told or "both name" in told

@@ -19,14 +19,16 @@ from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidate import Candidate, own_parameters
 from orchestration.discrepancy.diagnosis import diagnose, searched
 from orchestration.discrepancy.evidence import Data, Evidence
-from orchestration.discrepancy.expected import _autoregression, _covariance, at_rest, linearised, respond
+from orchestration.discrepancy.expected import _covariance, at_rest, linearised, respond
 from orchestration.discrepancy.noise import Noise
 from orchestration.discrepancy.regression import fit
 from orchestration.discrepancy.selection import RIVAL, Selection, Step
-from orchestration.discrepancy.separation import ENOUGH, Stimulus, _within, design
+from orchestration.discrepancy.separation import ENOUGH, design
+from orchestration.discrepancy.stimulus_menu import Stimulus, limits_of_inputs
 from orchestration.discrepancy.unseen import HELD_OUT
 from orchestration.experiment.reading import read
 from orchestration.experiment.running import run
+from orchestration.identify.grey_box import yule_walker
 from orchestration.identify.problem import Problem
 from orchestration.rig.bench import NOISE
 from orchestration.rig.emulator import EmulatedRig, RigParameters
@@ -157,7 +159,7 @@ def test_without_rivals_every_input_is_moved():
 
 def test_limits_that_nobody_gave_are_what_the_record_shows():
     data, found = rivals("double_layer")
-    assert _within(found.base, data, {"force": (0.0, 3.0)}) == {"current": (-0.2, 0.4), "force": (0.0, 3.0)}
+    assert limits_of_inputs(found.base, data, {"force": (0.0, 3.0)}) == {"current": (-0.2, 0.4), "force": (0.0, 3.0)}
     with pytest.raises(UserError, match="limits of voltage: there is no such input; there are current, force"):
         design(found, data, {"voltage": (0.0, 1.0)})
     with pytest.raises(UserError, match="limits of force: 3 to 0 N leaves nothing"):
@@ -175,7 +177,7 @@ def test_the_covariance_of_noise_is_that_of_its_samples():
     """Closed form of AR(1); of a sum with a sine, what Yule and Walker make of many samples."""
     noise = Noise(np.array([0.9]), 2.0)
     assert _covariance(noise) == pytest.approx(4.0 / (1.0 - 0.81) * 0.9 ** np.arange(5))
-    assert _autoregression(_covariance(noise), 10_000).coefficients == pytest.approx([0.9])
+    assert yule_walker(_covariance(noise), 10_000)[0] == pytest.approx([0.9])
     samples = lfilter([2.0], [1.0, -0.9], np.random.default_rng(1).standard_normal(400_000))
     lagged = np.array([samples[: samples.size - k] @ samples[k:] for k in range(5)]) / samples.size
     assert _covariance(noise) == pytest.approx(lagged, rel=0.03)

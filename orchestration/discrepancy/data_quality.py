@@ -15,23 +15,16 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from orchestration.discrepancy.evidence import Data
-from orchestration.records.channels import runs
+from orchestration.discrepancy.standstill import RUN, SAME, any_moved, equal_runs, repeats, standstill
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-_ALARM = 1e-6  # probability, for a whole channel, of so long a run of equal samples in noise
-_COLOURED = 1.5  # times as long as if noise forgot from sample to sample
-_RUN = 5  # equal samples that are looked at
-_CLOSED = 5  # samples between masked ones that are masked too: those that noise spared are no fair sample
 _CALM = 30  # samples without movement of the inputs that it takes to know the noise
 _COARSE = 0.4  # share of repeated samples above which the noise is too small for the steps of the recorder
 _LEVELS = 4  # different values at which a channel with noise may stand still: both ends, and where a sensor hangs
-_BESIDE = 3.5  # steps of the recorder that are beside an end
-_DEAD = 0.05  # share of a record for which an output without noise must stand still to be dead
 _SPIKE = 12.0  # standard deviations by which a single sample must leave its neighbours
 _SPIKES = 0.02  # share of the samples above which they are no outliers
 _USABLE = 0.1  # share of the samples below which an output is not used
-_SAME = 1e-9  # of the range: what unit conversion may split one value into
 
 
 @dataclass(frozen=True)
@@ -136,7 +129,7 @@ def _faults(values: Array, moves: Mapping[str, Mask]) -> Iterator[tuple[str, Mas
     where = np.flatnonzero(np.isfinite(values))
     y = values[where]
     n = len(y)
-    if n < 2 * _RUN:
+    if n < 2 * RUN:
         return
     moved = {name: mask[where] for name, mask in moves.items()}
 
@@ -151,7 +144,7 @@ def _faults(values: Array, moves: Mapping[str, Mask]) -> Iterator[tuple[str, Mas
         yield "dead", whole(np.ones(n, dtype=bool)), dead
         return
     usual = _usual_repeats(y, grain, moved)
-    found = _standstill(y, grain, moved) if usual is None else _repeats(y, grain, usual)
+    found = standstill(y, grain, moved) if usual is None else repeats(y, grain, usual)
     bad = np.zeros(n, dtype=bool)
     for kind, mask, text in found:
         bad |= mask
@@ -168,14 +161,14 @@ def _faults(values: Array, moves: Mapping[str, Mask]) -> Iterator[tuple[str, Mas
 def _changes(values: Array) -> Mask:
     """Where a channel has another value than one sample before."""
     change = np.abs(np.diff(values, prepend=values[:1]))
-    return np.asarray(change > _SAME * np.abs(values).max(initial=0.0))
+    return np.asarray(change > SAME * np.abs(values).max(initial=0.0))
 
 
 def _resolution(y: Array) -> float:
     """Least step between different values."""
     spread = float(np.ptp(y))
     steps = np.diff(np.unique(y))
-    steps = steps[steps > _SAME * spread]
+    steps = steps[steps > SAME * spread]
     return float(steps.min()) if len(steps) else 0.0
 
 
@@ -189,11 +182,11 @@ def _usual_repeats(y: Array, grain: float, moved: Mapping[str, Mask]) -> float |
 
     The third differences of noise alternate, those of a smooth signal do not.
     """
-    calm, equal = ~_any(moved, len(y)), _equal(y)
-    if len({float(y[a]) for a, b in equal if b - a >= 4 * _RUN}) > _LEVELS:
+    calm, equal = ~any_moved(moved, len(y)), equal_runs(y)
+    if len({float(y[a]) for a, b in equal if b - a >= 4 * RUN}) > _LEVELS:
         return None
     for a, b in equal:
-        calm[a:b] &= b - a < _RUN  # what is to be found, perhaps
+        calm[a:b] &= b - a < RUN  # what is to be found, perhaps
     calm = calm[1:-2] & calm[2:-1] & calm[3:]
     third = np.diff(y, 3)[calm]
     signs = np.sign(third[third != 0.0])
@@ -203,15 +196,9 @@ def _usual_repeats(y: Array, grain: float, moved: Mapping[str, Mask]) -> float |
     return max(usual, 1.0 / len(y)) if usual < _COARSE else None
 
 
-def _equal(y: Array) -> list[tuple[int, int]]:
-    """Runs of equal samples: first, and the one after the last."""
-    same = np.abs(np.diff(y)) <= _SAME * np.ptp(y)
-    return [(a, b + 1) for a, b in runs(same)]
-
-
 def _dead_throughout(y: Array, grain: float, moved: Mapping[str, Mask]) -> str:
     """Tell if an output says nothing at all while inputs move."""
-    inputs = _any(moved, len(y))
+    inputs = any_moved(moved, len(y))
     if not inputs.any():
         return ""
     if grain == 0.0:
@@ -223,85 +210,13 @@ def _dead_throughout(y: Array, grain: float, moved: Mapping[str, Mask]) -> str:
     return ""
 
 
-def _repeats(y: Array, grain: float, usual: float) -> Iterator[tuple[str, Mask, str]]:
-    """Values that noise could not have repeated."""
-    n, equal = len(y), _equal(y)
-    low, high, same = float(y.min()), float(y.max()), _SAME * float(np.ptp(y))
-    longest = 1.0 + _COLOURED * np.log(_ALARM / n) / np.log(usual)
-    frozen = [(a, b) for a, b in equal if b - a >= max(_RUN, longest)]
-    tail = next(((a, b) for a, b in frozen if b == n and b - a >= _DEAD * n), None)
-    if tail and y[-1] in (low, high) and any(abs(y[a] - y[-1]) <= same for a, _ in frozen[:-1]):
-        tail = None  # one more of those at this end
-    if tail:
-        mask = np.zeros(n, dtype=bool)
-        mask[tail[0] :] = True
-        yield "dead", mask, f"stands still at {y[-1]:.6g} to the end: a dead sensor"
-        frozen.remove(tail)
-    for word, level in (("maximum", high), ("minimum", low)):
-        aside = np.abs(y - level)
-        at = aside <= same
-        beside = int(((aside > same) & (aside < _BESIDE * grain)).sum())
-        # at the end of what noise reaches there are fewer samples than beside it
-        if at.sum() > _RUN + _BESIDE * beside and (not tail or abs(y[-1] - level) > same):
-            yield "clipped", _closed(at), f"cut off at its {word} {level:.6g}"
-            frozen = [(a, b) for a, b in frozen if not at[a]]
-    stuck = np.zeros(n, dtype=bool)
-    for a, b in frozen:
-        stuck[a:b] = True
-    if stuck.any():
-        yield "stuck", stuck, f"stands still for up to {max(b - a for a, b in runs(stuck))} samples in a row"
-
-
-def _standstill(y: Array, grain: float, moved: Mapping[str, Mask]) -> Iterator[tuple[str, Mask, str]]:
-    """Cuts and standstills of an output that has no noise to tell them by."""
-    n, equal = len(y), _equal(y)
-    if not equal:
-        return
-    inputs = _any(moved, n)
-    a, b = max(equal, key=lambda ends: ends[1] - ends[0])
-    if b - a >= max(_DEAD * n, 4 * _RUN):
-        others = [e - s for s, e in equal if s != a and inputs[s + 1 : e].any()]
-        elsewhere = [m for m in moved.values() if m[:a].any() or m[b:].any()]
-        if elsewhere and all(m[a + 1 : b].sum() > 1 for m in elsewhere) and b - a > 3 * max(others, default=0):
-            mask = np.zeros(n, dtype=bool)
-            mask[a:b] = True
-            kind, until = ("dead", "to the end") if b == n else ("stuck", f"for {b - a} samples in a row")
-            yield kind, mask, f"stands still at {y[a]:.6g} {until} while inputs move"
-            equal.remove((a, b))
-    low, high = (np.abs(y - level) <= _SAME * np.ptp(y) for level in (y.min(), y.max()))
-    ends = low | high
-    between = max((e - s for s, e in equal if not ends[s]), default=_RUN)
-    varied = len(np.unique(y)) > 10 and ends.mean() < 0.5
-    for word, at, sign in (("maximum", high, 1.0), ("minimum", low, -1.0)):
-        level = float(y[at][0])
-        there = [(s, e) for s, e in equal if e - s >= _RUN and at[s]]
-        cut = [s for s, e in there if s >= 2 and sign * (2.0 * y[s - 1] - y[s - 2] - level) > grain
-               and not any(m[s - 1 : s + 1].any() and not m[s + 2 : e].any() for m in moved.values())]  # fmt: skip
-        long = sum(e - s > 1.5 * between for s, e in there) if varied else 0
-        if (len(cut) >= 2 and 2 * len(cut) >= len(there)) or long >= 3:
-            yield "clipped", _closed(at), f"cut off at its {word} {level:.6g}, {len(there)} times"
-
-
 def _outliers(y: Array, grain: float, bad: Mask, moved: Mapping[str, Mask]) -> Mask:
     """Single samples far from both neighbours, which agree, where no input moves."""
     aside = y[1:-1] - 0.5 * (y[:-2] + y[2:])
     deviation = max(float(np.median(np.abs(aside[~bad[1:-1]]))) / float(norm.ppf(0.75)) if (~bad).any() else 0.0, grain)
     alone = (np.abs(aside) > _SPIKE * deviation) & (np.abs(y[2:] - y[:-2]) < 0.25 * np.abs(aside))
-    quiet = ~_any(moved, len(y))
+    quiet = ~any_moved(moved, len(y))
     near = quiet[:-2] & quiet[1:-1] & quiet[2:]
     result = np.zeros(len(y), dtype=bool)
     result[1:-1] = alone & near
     return result & ~bad
-
-
-def _any(moved: Mapping[str, Mask], n: int) -> Mask:
-    return np.any(list(moved.values()), axis=0) if moved else np.zeros(n, dtype=bool)
-
-
-def _closed(mask: Mask) -> Mask:
-    """Fill short holes of a mask."""
-    result = mask.copy()
-    for a, b in runs(~mask):
-        if a > 0 and b < len(mask) and b - a <= _CLOSED:
-            result[a:b] = True
-    return result

@@ -8,34 +8,28 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
-from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.associations import Shown, show
 from orchestration.discrepancy.candidate import label
-from orchestration.discrepancy.data_quality import judge
+from orchestration.discrepancy.estimates import absurd, differing, estimates
 from orchestration.discrepancy.evidence import Data, Evidence, Search
-from orchestration.discrepancy.noise import ORDER, segments
-from orchestration.discrepancy.regression import FLAT
+from orchestration.discrepancy.noise import segments
 from orchestration.discrepancy.selection import Selection, select
 from orchestration.discrepancy.structure import Jump, Line, jumps, lines, startled
+from orchestration.discrepancy.trust import lasting, moves, trusted, usable
 from orchestration.discrepancy.unseen import HELD_OUT, Prediction, Unseen
 from orchestration.identify.grey_box import Estimate
 from orchestration.identify.residuals import Whiteness, number, whiteness
-from orchestration.records.clock import evenly_sampled
 
 Array = NDArray[np.float64]
-_DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
-_MATTERS = 0.02  # relative difference below which that is not worth a word
 _SHORTEST = 150  # samples to fit to
+_WORSE = 1.1  # times the error before, above which it has grown
+_FORM = 0.25  # of the structure in a residual that may be left beside a cause, which never has the catalogue's form
 _BEYOND_DOUBT = 1e-4  # probability of what counts as structure that is left
-_TOUCHED = 1e-6  # share of a coordinate in a direction of which nothing is known, from which on it is unknown too
 _MOSTLY = 0.75  # share of what an effect does that another would do too, to be told
-_LASTING = 0.5  # of the record, before which an output ends too early
-_FEWEST = 20  # samples without which an output tells nothing
 
 
 @dataclass(frozen=True)
@@ -207,25 +201,30 @@ def diagnose(
     least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
     if len(data.time) < least:
         raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
-    data, notes = _trusted(cls, data, fixed or {})
+    data, notes = trusted(cls, data, fixed or {})
     if holdout is not None:
-        holdout, more = _trusted(cls, holdout, fixed or {})
+        holdout, more = trusted(cls, holdout, fixed or {})
         notes += [f"in the record held out: {note}" for note in more if note not in notes]
-    data, early = _lasting(data)
+    data, early = lasting(data)
     first, unseen = Unseen.part_of(data) if holdout is None else (data, Unseen.another(holdout))
-    usable = _usable(first)
-    notes += early + [
-        f"{o}: too little of it is without gaps to say anything" for o in first.measured if o not in usable
-    ]
-    first, data = first.only(usable), data.only(usable)
-    unseen = replace(unseen, data=unseen.data.only(usable))
+    kept = usable(first)
+    notes += early + [f"{o}: too little of it is without gaps to say anything" for o in first.measured if o not in kept]
+    first, data = first.only(kept), data.only(kept)
+    unseen = replace(unseen, data=unseen.data.only(kept))
     if not (first.measured and unseen.data.measured):
         raise UserError("; ".join(["no output can be both fitted and judged", *notes]))
     search = Search(first, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
-    still = not any(np.ptp(values) > 0.0 for values in first.inputs.values())
+    notes += [
+        f"{o}: not in the record held out, so nothing of it is judged there"
+        for o in kept
+        if o not in unseen.data.measured
+    ]
+    still = not moves(cls, first, fixed or {})
     starts = [name for name in search.parameters if name.endswith("_start")]
     idle = still and bool(starts)  # without knowing where it starts, how it settles tells nothing
     if idle:
+        if any(np.ptp(values) > 0.0 for values in first.inputs.values()):
+            notes.append("no input moves by more than is lost in the noise of the outputs: nothing can be judged")
         notes.append(f"if it started at rest, say so, and it can be judged how it settled: --hold {','.join(starts)}")
     elif still:
         notes = [note for note in notes if not note.startswith("no input moves")]
@@ -233,50 +232,23 @@ def diagnose(
     found, predictions, dropped = _confirmed(found, unseen)
     notes += dropped
     final = replace(search, data=data).refitted(found.best) if unseen.continued else found.best
-    estimates = _estimates(final)
-    differing = _differing(final, search.parameters)
+    known = estimates(final)
+    others = [] if idle else differing(final, search.parameters)
+    odd = absurd(known, search.parameters)
+    notes += [f"out of all reason: {', '.join(odd)}; look at units, signs and columns first"] if odd else []
     shown = show(found.best, first)
     left = {output: _left(found.best, output, first, shown[output]) for output in found.best.fitted.residual}
     notes += [f"{name} was not judged: {reason}" for name, reason in sorted(search.unjudged.items())]
     notes += _confounded(found)
-    verdict = "ambiguous" if idle else _verdict(found, left, differing)
+    verdict = "ambiguous" if idle else "unexplained" if odd else _verdict(found, left, others)
     before, after = predictions[0].errors, predictions[-1].errors
-    if found.steps and not any(after[o] < before[o] for o in before):
+    gained = any(after[o] < before[o] for o in before) and not any(after[o] > _WORSE * before[o] for o in before)
+    if found.steps and not gained:
         notes.append(
             "no gain is claimed: with what was named the part held out is likelier, given how uncertain the parameters "
-            "are, but the error there is not smaller"
+            "are, but the error there is not smaller in every output"
         )
-    return Diagnosis(verdict, found, estimates, differing, left, before, after, first, unseen, final, notes)
-
-
-def _trusted(cls: type[Component], data: Data, fixed: Mapping[str, float]) -> tuple[Data, list[str]]:
-    """Leave out what cannot be trusted before a model is blamed; what the model shows too is no fault of the data."""
-    try:
-        simulated = CompiledModel(cls).run(data.time, data.inputs, fixed, data.linear).signals
-    except UserError:
-        simulated = {}
-    kept, findings = judge(data, {o: simulated[o] for o in data.measured if o in simulated})
-    told = [finding.message for finding in sorted(findings, key=lambda f: bool(f.channel))]
-    enough = {o: y for o, y in kept.measured.items() if np.isfinite(y).sum() >= _FEWEST}
-    told += [f"{o}: too few samples to say anything" for o in kept.measured if o not in enough]
-    if not enough:
-        raise UserError("; ".join(told))
-    return replace(kept, measured=enough), told
-
-
-def _lasting(data: Data) -> tuple[Data, list[str]]:
-    """Leave out outputs that end long before the others: the part held out is the end of what all of them have."""
-    ends = {o: int(np.flatnonzero(np.isfinite(y))[-1]) for o, y in data.measured.items()}
-    short = [o for o, end in ends.items() if end < _LASTING * max(ends.values())]
-    told = [f"{o}: ends at {data.time[ends[o]]:.6g} s, long before the others, and is not used" for o in short]
-    return data.only([o for o in ends if o not in short]), told
-
-
-def _usable(data: Data) -> list[str]:
-    """Outputs with enough samples behind each other to know their noise."""
-    memory = ORDER if evenly_sampled(data.time) else 0
-    lengths = {o: [b - a - memory for a, b in segments(np.isfinite(y), memory)] for o, y in data.measured.items()}
-    return [o for o, length in lengths.items() if sum(length) >= _FEWEST]
+    return Diagnosis(verdict, found, known, others, left, before, after, first, unseen, final, notes)
 
 
 def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Prediction], list[str]]:
@@ -309,55 +281,15 @@ def _confounded(found: Selection) -> list[str]:
 def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str]) -> str:
     if any(rest.lines or rest.jumps for rest in left.values()):
         return "unexplained"
-    # what was named is never quite of the form that the catalogue gives it, and that leaves something
-    if not found.steps and any(rest.texts for rest in left.values()):
+    # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
+    before, after = found.base.fitted, found.best.fitted
+    floor = {o: noise.deviation**2 for o, noise in after.noise.items()}
+    share = {o: (np.var(after.residual[o]) - floor[o]) / (np.var(before.residual[o]) - floor[o]) for o in left}
+    if any(rest.texts and not share[o] < _FORM for o, rest in left.items()):
         return "unexplained"
     if found.steps:
         return "ambiguous" if any(step.rivals for step in found.strong) else "cause"
     return "recalibrate" if differing else "consistent"
-
-
-def _spread(evidence: Evidence) -> Array:
-    """Return the standard errors of the searched coordinates; infinite where nothing is known of them.
-
-    What is believed counts, so that parameters of which the record tells a combination only, such as a ratio, are as
-    uncertain as they are.
-    """
-    fitted = evidence.fitted
-    known = fitted.information + np.diag(fitted.belief)
-    scale = np.sqrt(np.diag(known))
-    seen = np.flatnonzero(scale > 0.0)
-    size, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen]))
-    with np.errstate(divide="ignore", invalid="ignore"):  # what is unknown, times nothing, is nothing
-        variance = np.where(size > FLAT, 1.0 / size, np.inf)
-        parts = np.where(np.abs(directions) > _TOUCHED, directions**2 * variance, 0.0)
-    spread = np.full(len(fitted.q), np.inf)
-    spread[seen] = np.sqrt(parts.sum(axis=1)) / scale[seen]
-    return spread
-
-
-def _estimates(evidence: Evidence) -> dict[str, Estimate]:
-    problem, fitted = evidence.problem, evidence.fitted
-    half = float(norm.ppf(0.975)) * _spread(evidence)
-    found = {}
-    for name, scale, q, h in zip(problem.names, problem.scales, fitted.q, half, strict=True):
-        ends = (scale.value(q - h), scale.value(q + h))
-        found[name] = Estimate(fitted.values[name], problem.start[name], ends, problem.declared[name].unit)
-    return found
-
-
-def _differing(evidence: Evidence, parameters: Sequence[str]) -> list[str]:
-    """Physical parameters that are surely and noticeably others than nominal."""
-    problem, fitted = evidence.problem, evidence.fitted
-    nominal = problem.position(problem.start)
-    surely = np.abs(fitted.q - nominal) / _spread(evidence)
-    chosen = {
-        name: float(surely[i])
-        for i, name in enumerate(problem.names)
-        if name in parameters and not name.endswith("_start") and surely[i] > _DIFFERS
-        and abs(fitted.q[i] - nominal[i]) > _MATTERS
-    }  # fmt: skip
-    return sorted(chosen, key=lambda name: -chosen[name])
 
 
 def _left(evidence: Evidence, output: str, data: Data, shown: Shown) -> Left:

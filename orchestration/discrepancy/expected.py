@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError
@@ -19,6 +18,7 @@ from orchestration.discrepancy.evidence import Evidence
 from orchestration.discrepancy.noise import ORDER, Noise
 from orchestration.discrepancy.regression import BELIEF, normal_inverse
 from orchestration.identify.damped import minimise
+from orchestration.identify.grey_box import yule_walker
 
 Array = NDArray[np.float64]
 _PASSES = 2  # of refitting and estimating the colour of what is left
@@ -169,7 +169,8 @@ def _colours(right: Evidence, left: Mapping[str, Array]) -> dict[str, Noise]:
     for output, error in left.items():
         n = len(error)
         systematic = np.array([error[: n - k] @ error[k:] for k in range(ORDER + 1)]) / n
-        found[output] = _autoregression(systematic + _covariance(right.fitted.noise[output]), n)
+        coefficients, variance = yule_walker(systematic + _covariance(right.fitted.noise[output]), n)
+        found[output] = Noise(coefficients, float(np.sqrt(variance)))
     return found
 
 
@@ -179,19 +180,6 @@ def _covariance(noise: Noise) -> Array:
     impulse[0] = noise.deviation
     answer = np.asarray(lfilter([1.0], np.concatenate([[1.0], -noise.coefficients]), impulse))
     return np.array([answer[: _MEMORY - k] @ answer[k:] for k in range(ORDER + 1)])
-
-
-def _autoregression(covariance: Array, n: int) -> Noise:
-    """Autoregression with this covariance; its order is chosen by BIC for n samples."""
-    best, least = Noise(np.empty(0), float(np.sqrt(covariance[0]))), n * float(np.log(covariance[0]))
-    for order in range(1, ORDER + 1):
-        taps: Array = np.linalg.lstsq(toeplitz(covariance[:order]), covariance[1 : order + 1], rcond=None)[0].astype(
-            float
-        )
-        variance = float(covariance[0] - taps @ covariance[1 : order + 1])
-        if variance > 0.0 and (criterion := n * np.log(variance) + order * np.log(n)) < least:
-            best, least = Noise(taps, float(np.sqrt(variance))), criterion
-    return best
 
 
 def _fall(right: Evidence, wrong: Evidence, colours: Mapping[str, Noise], n: int) -> float:

@@ -7,7 +7,7 @@ best few are then judged with the wrong model refitted for good.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Any, TypeVar
@@ -17,51 +17,22 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from fmus.kit.errors import UserError
-from orchestration import stimuli
 from orchestration.discrepancy.candidate import label
 from orchestration.discrepancy.evidence import Data, Evidence, side_by_side
 from orchestration.discrepancy.expected import Response, at_rest, linearised, refitted, respond
 from orchestration.discrepancy.selection import Selection
+from orchestration.discrepancy.stimulus_menu import Limits, Stimulus, limits_of_inputs, shapes_between
 from orchestration.discrepancy.unseen import HELD_OUT
 
 Array = NDArray[np.float64]
-Limits = Mapping[str, tuple[float, float]]
+Experiment = dict[str, Stimulus]
 T = TypeVar("T")
 ENOUGH = 10.0  # fall of BIC below which an experiment is not worth its time
 _ROUNDS = 2  # of exchanging the shape of every input
 _JUDGED = 3  # experiments that are judged for good
 _RIVALS = 3  # of one step, the best, that are looked at
 _ABOUT = 0.02  # relative difference of evidence that is none
-_STAYS = (600.0, 120.0, 25.0)  # shortest stays, as shares of the duration: what answers at once, what creeps
 _AMOUNTS = ("value", "levels", "initial")  # keys with the unit of the input
-_SHAPES: dict[str, Callable[..., Array]] = {
-    "constant": lambda time, value: np.full(time.size, value),
-    "multilevel": lambda time, levels, dwell, seed: stimuli.multilevel(time, levels, dwell, seed),
-    "ramps": lambda time, times, levels: stimuli.ramps(time, times, levels),
-    "steps": lambda time, times, levels, initial: stimuli.steps(time, times, levels, initial),
-}
-
-
-@dataclass(frozen=True)
-class Stimulus:
-    """What one input gets, as the table of an experiment says it.
-
-    Attributes
-    ----------
-    kind : str
-    keys : dict
-        SI.
-    """
-
-    kind: str
-    keys: dict[str, Any]
-
-    def values(self, time: Array) -> Array:
-        """Signal over time (n,), SI."""
-        return _SHAPES[self.kind](time, **self.keys)
-
-
-Experiment = dict[str, Stimulus]
 
 
 @dataclass(frozen=True)
@@ -224,11 +195,11 @@ def design(
     step = float(np.median(np.diff(data.time)))
     length = float(data.time[-1] - data.time[0]) if duration is None else duration
     length = round(length / step) * step
-    within = _within(found.base, data, limits or {})
+    within = limits_of_inputs(found.base, data, limits or {})
     shortest = max(2.0 * step, 0.5 / highest)
     layout = {v.name: v for v in found.base.candidate.cls.layout.inputs}
     menus = {
-        name: _menu(*ends, float(np.clip(layout[name].start, *ends)), length, step, shortest, seed)
+        name: shapes_between(*ends, float(np.clip(layout[name].start, *ends)), length, step, shortest, seed)
         for seed, (name, ends) in enumerate(within.items(), start=1)
     }
     broad = {name: menu[0] for name, menu in menus.items()}
@@ -306,60 +277,6 @@ def _foremost(ranked: Sequence[tuple[float, T]]) -> T:
 
 def _name(model: Evidence) -> str:
     return label(model.candidate.effects[-1])
-
-
-def _within(base: Evidence, data: Data, limits: Limits) -> dict[str, tuple[float, float]]:
-    """Limits of every real input: given and declared ones, else what the record shows."""
-    declared = {v.name: v for v in base.candidate.cls.layout.inputs}
-    for name in limits:
-        if name not in declared:
-            raise UserError(f"limits of {name}: there is no such input; there are {', '.join(declared)}")
-    found = {}
-    for name, v in declared.items():
-        if v.type != "real":
-            continue
-        shown = np.asarray(data.inputs.get(name, v.start), dtype=float)
-        given = limits.get(name, (v.min, v.max))
-        low, high = max(given[0], v.min), min(given[1], v.max)
-        low = low if np.isfinite(low) else float(shown.min())
-        high = high if np.isfinite(high) else float(shown.max())
-        if low > high:
-            raise UserError(f"limits of {name}: {low:g} to {high:g} {v.unit} leaves nothing")
-        found[name] = (low, high)
-    return found
-
-
-def _menu(
-    low: float, high: float, rest: float, duration: float, step: float, shortest: float, seed: int
-) -> list[Stimulus]:
-    """Shapes between two limits, the broadest excitation first."""
-    if low == high:
-        return [Stimulus("constant", {"value": low})]
-
-    def levels(a: float, b: float, count: int = 5) -> list[float]:
-        return [float(np.clip(float(f"{x:.4g}"), low, high)) for x in np.linspace(a, b, count)]
-
-    def grid(*shares: float) -> list[float]:
-        return [round(float(round(share * duration / step) * step), 9) for share in shares]
-
-    stays = [round(max(shortest, duration / share), 6) for share in _STAYS]
-    fast, medium, slow = ([stay, 4.0 * stay] for stay in stays)
-    middle, quarter = 0.5 * (low + high), 0.25 * (high - low)
-    ends = np.clip([rest - quarter, rest + quarter], low, high)
-    kinds = [
-        *({"levels": levels(low, high), "dwell": dwell} for dwell in (medium, fast, slow)),
-        *({"levels": levels(middle, high, 4), "dwell": dwell} for dwell in (medium, slow)),  # about a bias
-        *({"levels": levels(*ends), "dwell": dwell} for dwell in (medium,)),  # small
-    ]
-    ramp = grid(*np.linspace(0.0, 1.0, 9))
-    pulse = grid(*np.linspace(0.02, 0.98, 17)[:-1])
-    active = [(low, high)[k % 2] if k // 4 % 2 == 0 else rest for k in range(len(pulse))]  # with pauses
-    return [
-        *(Stimulus("multilevel", {**kind, "seed": seed}) for kind in kinds),
-        Stimulus("ramps", {"times": ramp, "levels": [(rest, high, rest, low)[k % 4] for k in range(len(ramp))]}),
-        Stimulus("steps", {"times": pulse, "levels": active, "initial": rest}),
-        *(Stimulus("constant", {"value": value}) for value in dict.fromkeys((rest, middle, high))),
-    ]
 
 
 def _text(value: str) -> str:

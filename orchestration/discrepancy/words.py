@@ -33,6 +33,7 @@ def sentence(found: Diagnosis) -> str:
         left += [f"a line at {line.frequency:.3g} Hz in {output}" for line in rest.lines[:1]]
         left += [f"{len(rest.jumps)} {'jump' if len(rest.jumps) == 1 else 'jumps'} of {output}"] if rest.jumps else []
         left += [text.replace("it ", f"{output} ", 1) for text in rest.texts[:1]]
+    left += [note for note in found.notes if note.startswith("out of all reason")]
     words = {
         "differing": ", ".join(found.differing), "causes": _causes(found),
         "left": "; ".join(left), "beside": f"Beside {_causes(found)}, something" if found.causes else "Something",

@@ -255,12 +255,29 @@ def autoregression(values: Array, most: int = _MOST_ORDER) -> tuple[Array, float
     """
     n = len(values)
     most = min(most, max(n // 10, 0))
-    covariance = np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n
+    return yule_walker(np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n, n)
+
+
+def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
+    """Fit a stationary autoregression to a covariance, its order chosen by BIC.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (m + 1,)
+        At the first lags; its length gives the highest order considered.
+    n : int
+        Samples that it is of.
+
+    Returns
+    -------
+    coefficients, variance
+        As of :func:`autoregression`.
+    """
     best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
     if covariance[0] <= 0.0:
         return best
     criterion = n * np.log(covariance[0])
-    for order in range(1, most + 1):
+    for order in range(1, len(covariance)):
         toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
         coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
         variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])

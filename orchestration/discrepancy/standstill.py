@@ -1,0 +1,129 @@
+"""Samples that repeat: clipped, stuck and dead, told by noise that would not repeat them or by inputs that move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.records.channels import runs
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+_ALARM = 1e-6  # probability, for a whole channel, of so long a run of equal samples in noise
+_COLOURED = 1.5  # times as long as if noise forgot from sample to sample
+RUN = 5  # equal samples that are looked at
+_CLOSED = 5  # samples between masked ones that are masked too: those that noise spared are no fair sample
+_BESIDE = 3.5  # steps of the recorder that are beside an end
+_DEAD = 0.05  # share of a record for which an output without noise must stand still to be dead
+SAME = 1e-9  # of the range: what unit conversion may split one value into
+
+
+def repeats(y: Array, grain: float, usual: float) -> Iterator[tuple[str, Mask, str]]:
+    """Find values that noise could not have repeated.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        An output, any unit, without holes.
+    grain : float
+        Least step between different values, in its unit.
+    usual : float
+        Probability that its noise repeats a sample.
+
+    Yields
+    ------
+    tuple of str, ndarray of bool, shape (n,), and str
+        Kind, samples, text.
+    """
+    n, equal = len(y), equal_runs(y)
+    low, high, same = float(y.min()), float(y.max()), SAME * float(np.ptp(y))
+    longest = 1.0 + _COLOURED * np.log(_ALARM / n) / np.log(usual)
+    frozen = [(a, b) for a, b in equal if b - a >= max(RUN, longest)]
+    tail = next(((a, b) for a, b in frozen if b == n and b - a >= _DEAD * n), None)
+    if tail and y[-1] in (low, high) and any(abs(y[a] - y[-1]) <= same for a, _ in frozen[:-1]):
+        tail = None  # one more of those at this end
+    if tail:
+        mask = np.zeros(n, dtype=bool)
+        mask[tail[0] :] = True
+        yield "dead", mask, f"stands still at {y[-1]:.6g} to the end: a dead sensor"
+        frozen.remove(tail)
+    for word, level in (("maximum", high), ("minimum", low)):
+        aside = np.abs(y - level)
+        at = aside <= same
+        beside = int(((aside > same) & (aside < _BESIDE * grain)).sum())
+        # at the end of what noise reaches there are fewer samples than beside it
+        if at.sum() > RUN + _BESIDE * beside and (not tail or abs(y[-1] - level) > same):
+            yield "clipped", _closed(at), f"cut off at its {word} {level:.6g}"
+            frozen = [(a, b) for a, b in frozen if not at[a]]
+    stuck = np.zeros(n, dtype=bool)
+    for a, b in frozen:
+        stuck[a:b] = True
+    if stuck.any():
+        yield "stuck", stuck, f"stands still for up to {max(b - a for a, b in runs(stuck))} samples in a row"
+
+
+def standstill(y: Array, grain: float, moved: Mapping[str, Mask]) -> Iterator[tuple[str, Mask, str]]:
+    """Find cuts and standstills of an output that has no noise to tell them by.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        An output, any unit, without holes.
+    grain : float
+        Least step between different values, in its unit.
+    moved : Mapping of str to ndarray of bool, shape (n,)
+        Where each input has changed.
+
+    Yields
+    ------
+    tuple of str, ndarray of bool, shape (n,), and str
+        Kind, samples, text.
+    """
+    n, equal = len(y), equal_runs(y)
+    if not equal:
+        return
+    inputs = any_moved(moved, n)
+    a, b = max(equal, key=lambda ends: ends[1] - ends[0])
+    if b - a >= max(_DEAD * n, 4 * RUN):
+        others = [e - s for s, e in equal if s != a and inputs[s + 1 : e].any()]
+        elsewhere = [m for m in moved.values() if m[:a].any() or m[b:].any()]
+        if elsewhere and all(m[a + 1 : b].sum() > 1 for m in elsewhere) and b - a > 3 * max(others, default=0):
+            mask = np.zeros(n, dtype=bool)
+            mask[a:b] = True
+            kind, until = ("dead", "to the end") if b == n else ("stuck", f"for {b - a} samples in a row")
+            yield kind, mask, f"stands still at {y[a]:.6g} {until} while inputs move"
+            equal.remove((a, b))
+    low, high = (np.abs(y - level) <= SAME * np.ptp(y) for level in (y.min(), y.max()))
+    ends = low | high
+    between = max((e - s for s, e in equal if not ends[s]), default=RUN)
+    varied = len(np.unique(y)) > 10 and ends.mean() < 0.5
+    for word, at, sign in (("maximum", high, 1.0), ("minimum", low, -1.0)):
+        level = float(y[at][0])
+        there = [(s, e) for s, e in equal if e - s >= RUN and at[s]]
+        cut = [s for s, e in there if s >= 2 and sign * (2.0 * y[s - 1] - y[s - 2] - level) > grain
+               and not any(m[s - 1 : s + 1].any() and not m[s + 2 : e].any() for m in moved.values())]  # fmt: skip
+        long = sum(e - s > 1.5 * between for s, e in there) if varied else 0
+        if (len(cut) >= 2 and 2 * len(cut) >= len(there)) or long >= 3:
+            yield "clipped", _closed(at), f"cut off at its {word} {level:.6g}, {len(there)} times"
+
+
+def equal_runs(y: Array) -> list[tuple[int, int]]:
+    """Runs of equal samples of a signal (n,): first, and the one after the last."""
+    same = np.abs(np.diff(y)) <= SAME * np.ptp(y)
+    return [(a, b + 1) for a, b in runs(same)]
+
+
+def any_moved(moved: Mapping[str, Mask], n: int) -> Mask:
+    """Samples at which any input moves, of n."""
+    return np.any(list(moved.values()), axis=0) if moved else np.zeros(n, dtype=bool)
+
+
+def _closed(mask: Mask) -> Mask:
+    """Fill short holes of a mask."""
+    result = mask.copy()
+    for a, b in runs(~mask):
+        if a > 0 and b < len(mask) and b - a <= _CLOSED:
+            result[a:b] = True
+    return result
