@@ -207,10 +207,11 @@ def page(rows: list[dict[str, Any]]) -> str:
         lines.append(f"| {group} | {good} | {len(these)} | {100 * good / len(these):.1f} % | {spread} |")
     lines += ["", "## By effect", "", "| hidden | " + " | ".join(g for g in groups if "strength" in g) + " | all |"]
     lines += ["|" + "---|" * (2 + sum("strength" in g for g in groups))]
-    single = [row for row in rows if "strength" in row["group"]]
+    columns = [g for g in groups if "strength" in g]
+    single = [row for row in rows if len(row["hidden"]) == 1 and row["group"] != "outside the catalogue"]
     for name in dict.fromkeys(row["hidden"][0] for row in single):
         cells = []
-        for group in [*(g for g in groups if "strength" in g), None]:
+        for group in [*columns, None]:
             these = [row for row in single if row["hidden"][0] == name and group in (row["group"], None)]
             cells.append(f"{sum(map(right, these))}/{len(these)}")
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
