@@ -44,7 +44,7 @@ from tests.test_demo import BROWSERS
 
 FEW = [EFFECTS[name] for name in ("strain_saturation", "quadratic_strain", "strain_lag", "force_to_voltage")]
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
-PAGES = ("cause", "ambiguous", "recalibrate", "consistent", "unexplained", "idle", "voltage", "holdout")
+PAGES = ("cause", "ambiguous", "recalibrate", "consistent", "unexplained", "idle", "voltage", "holdout", "uneven")
 PLOTLY = get_plotlyjs()
 
 
@@ -85,6 +85,7 @@ def pages(tmp_path_factory):
     still = replace(data, inputs={name: np.full_like(values, 0.5) for name, values in data.inputs.items()})
     idle = diagnose(PpyActuator, still, FEW)
     alone = read(folder, "voltage.csv", outputs=("voltage",))
+    uneven = data.where(np.unique(np.geomspace(1, data.time.size, 900).astype(int) - 1))
     other = read(folder, f"{'a_long_name_' * 15}.csv", 2)
     return {
         "cause": (found, context),
@@ -95,6 +96,7 @@ def pages(tmp_path_factory):
         "idle": (idle, context),
         "voltage": (diagnose(PpyActuator, alone[1], FEW[-1:]), replace(context, record=alone[0], effects=FEW[-1:])),
         "holdout": (diagnose(PpyActuator, data, FEW[:1], holdout=other[1]), replace(context, holdout=other[0])),
+        "uneven": (diagnose(PpyActuator, uneven, FEW[:1]), context),
     }
 
 
@@ -121,6 +123,15 @@ def figures_of(text):
 
 
 # --- what is told ---------------------------------------------------------------------------------------------------
+
+
+def test_an_uneven_record_is_told_and_drawn_without_holes(pages, made):
+    found, _ = pages["uneven"]
+    there = np.isfinite(found.unseen.data.measured["voltage"])
+    assert f"every third sample was held out: fitted to {(~there).sum()}, judged on {there.sum()}." in words_of(
+        made["uneven"]
+    )
+    assert "Only samples that were held out are shown." in words_of(made["uneven"])
 
 
 @pytest.mark.parametrize("name", PAGES)

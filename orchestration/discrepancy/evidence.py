@@ -53,7 +53,10 @@ class Data:
 
     def part(self, first: int, last: int) -> Data:
         """Samples from one to before another."""
-        cut = slice(first, last)
+        return self.where(slice(first, last))
+
+    def where(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Data:
+        """Some of the samples."""
         inputs, measured = ({n: v[cut] for n, v in group.items()} for group in (self.inputs, self.measured))
         return replace(self, time=self.time[cut], inputs=inputs, measured=measured)
 

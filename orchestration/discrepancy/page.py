@@ -137,12 +137,28 @@ def _measured(data: Data) -> Data:
     return replace(data, measured={o: y for o, y in data.measured.items() if np.isfinite(y).any()})
 
 
+def _any(data: Data) -> NDArray[np.bool_]:
+    """Samples at which anything was measured."""
+    return np.any([np.isfinite(y) for y in data.measured.values()], axis=0)
+
+
+def _at(signals: Mapping[str, Array], there: NDArray[np.bool_]) -> dict[str, Array]:
+    return {name: values[there] for name, values in signals.items()}
+
+
 # --- sections -------------------------------------------------------------------------------------------------------
 
 
 def _summary(made: Page, found: Diagnosis, context: Context) -> None:
     """What was fitted to, and what was held out."""
     data, unseen = found.data, found.unseen
+    if unseen.first == 0:
+        fitted, judged = (int(_any(part).sum()) for part in (data, unseen.data))
+        made.parts.append(marks.aside(
+            f"{' and '.join(found.left)}: {context.record.source.name} is sampled unevenly, so every third sample was "
+            f"held out: fitted to {fitted}, judged on {judged}."
+        ))  # fmt: skip
+        return
     last = unseen.data.time[unseen.first :]
     where = "that follow" if context.holdout is None else f"of {context.holdout.source.name}"
     made.parts.append(marks.aside(
@@ -178,6 +194,12 @@ def _curves(made: Page, found: Diagnosis, context: Context, runs: Sequence[Run],
     unseen, model = found.unseen, context.model
     if context.holdout is None:
         made.heading("The record and the model")
+        if unseen.first == 0:
+            made.parts.append(marks.aside("Only samples that were held out are shown."))
+            there = _any(unseen.data)
+            data = _measured(unseen.data).where(there)
+            made.plot(*figures.over_time(model, data, runs, {n: _at(s, there) for n, s in simulated.items()}, None))
+            return
         made.plot(
             *figures.over_time(model, _measured(unseen.data), runs, simulated, (unseen.first, "fitted", "held out"))
         )
