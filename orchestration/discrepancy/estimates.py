@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from orchestration.discrepancy.evidence import Evidence
-from orchestration.discrepancy.regression import FLAT
 from orchestration.identify.grey_box import Estimate
 
 Array = NDArray[np.float64]
+_FLAT = 1e-12  # relative curvature below which a direction counts as undetermined
 _DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
 _MATTERS = 0.02  # relative difference below which that is not worth a word
 _ABSURD = 30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
@@ -62,7 +62,7 @@ def spread(evidence: Evidence) -> Array:
     seen = np.flatnonzero(scale > 0.0)
     size, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen]))
     with np.errstate(divide="ignore", invalid="ignore"):  # what is unknown, times nothing, is nothing
-        variance = np.where(size > FLAT, 1.0 / size, np.inf)
+        variance = np.where(size > _FLAT, 1.0 / size, np.inf)
         parts = np.where(np.abs(directions) > _TOUCHED, directions**2 * variance, 0.0)
     spread = np.full(len(fitted.q), np.inf)
     spread[seen] = np.sqrt(parts.sum(axis=1)) / scale[seen]

@@ -15,8 +15,9 @@ from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.evidence import Evidence
+from orchestration.discrepancy.linear import inverse
 from orchestration.discrepancy.noise import ORDER, Noise
-from orchestration.discrepancy.regression import BELIEF, normal_inverse
+from orchestration.discrepancy.regression import BELIEF
 from orchestration.identify.damped import minimise
 from orchestration.identify.grey_box import yule_walker
 
@@ -92,9 +93,7 @@ def linearised(right: Evidence, wrong: Evidence, truth: Response, other: Respons
         rows = np.concatenate([_white(colours[o], other.signals[o] - truth.signals[o]) for o in other.signals])
         columns = np.vstack([_white(colours[o], slopes) for o, slopes in other.slopes.items()])
         belief = _belief(wrong)
-        seen, inverse = normal_inverse(columns.T @ columns + belief.T @ belief)
-        step = np.zeros(columns.shape[1])
-        step[seen] = -inverse @ (columns[:, seen].T @ rows)
+        step = -inverse(columns.T @ columns + belief.T @ belief) @ (columns.T @ rows)
         left = {o: other.signals[o] - truth.signals[o] + other.slopes[o] @ step for o in other.signals}
         colours = _colours(right, left)
     return _fall(right, wrong, colours, len(next(iter(left.values()))))

@@ -71,9 +71,9 @@ class Linearised:
         self._views = [self._view(noise) for noise in (fitted.noise, white(error, problem.even))]
 
     def _view(self, noise: Mapping[str, Noise]) -> tuple[Mapping[str, Noise], Array, Array, Array]:
-        """Whitened residual and Jacobian, and the inverse of the normal matrix."""
+        """Whitened residual and Jacobian, and the covariance of the coordinates."""
         left, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
-        return noise, left, slopes, _inverse(slopes, self._fitted.belief)
+        return noise, left, slopes, inverse(slopes.T @ slopes + np.diag(self._fitted.belief))
 
     def _whitened(self, values: Columns, noise: Mapping[str, Noise]) -> Array:
         return np.concatenate([n.whiten(values[o], self._present[o]) for o, n in noise.items()])
@@ -81,9 +81,9 @@ class Linearised:
     def falls(self, change: Columns, least: float, most: float) -> list[float]:
         """By how much the sum of squares would fall with some of a change: in the noise found, and in white."""
         found = []
-        for noise, left, slopes, inverse in self._views:
+        for noise, left, slopes, covariance in self._views:
             column = self._whitened(change, noise)
-            new = column - slopes @ (inverse @ (slopes.T @ column))
+            new = column - slopes @ (covariance @ (slopes.T @ column))
             power = float(new @ new)
             if power <= _FLAT * float(column @ column):
                 found.append(0.0)
@@ -111,9 +111,9 @@ class Linearised:
 
     def _new(self, change: Columns) -> tuple[Array, Array]:
         """Return a change in units of white noise, and what of it the model's own coordinates cannot make."""
-        noise, _, slopes, inverse = self._views[1]
+        noise, _, slopes, covariance = self._views[1]
         column = self._whitened(change, noise)
-        return column, column - slopes @ (inverse @ (slopes.T @ column))
+        return column, column - slopes @ (covariance @ (slopes.T @ column))
 
     def outlook(self, change: Columns, least: float, most: float) -> Outlook:
         """Solve for an amount of a change, within bounds, and the model's own coordinates beside it."""
@@ -121,13 +121,13 @@ class Linearised:
         for _ in range(_ROUNDS):
             left, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
             column = self._whitened(change, noise)
-            inverse = _inverse(slopes, self._fitted.belief)
-            along = inverse @ (slopes.T @ column)
+            covariance = inverse(slopes.T @ slopes + np.diag(self._fitted.belief))
+            along = covariance @ (slopes.T @ column)
             power = float(column @ column - (slopes.T @ column) @ along)
             pulled = slopes.T @ left + self._pull
             wanted = -float(column @ left - along @ pulled) / power if power > 0.0 else 0.0
             amount = float(np.clip(wanted, least, most))
-            step = np.clip(-inverse @ pulled - amount * along, *self._room)
+            step = np.clip(-covariance @ pulled - amount * along, *self._room)
             rest = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
             noise = {o: estimate(e, self._present[o], self._even) for o, e in rest.items()}
         below = self._fitted
@@ -142,9 +142,8 @@ class Linearised:
         return Outlook(float(fall), amount, step, dict(noise))
 
 
-def _inverse(slopes: Array, belief: Array) -> Array:
-    """Inverse of the normal matrix with what is believed; a coordinate that nothing depends on stays."""
-    curvature = slopes.T @ slopes + np.diag(belief)
+def inverse(curvature: Array) -> Array:
+    """Inverse of a normal matrix, scaled before; a coordinate of which it knows nothing stays where it is."""
     scale = np.sqrt(np.diag(curvature))
     scale[scale == 0.0] = 1.0
     unit = curvature / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))

@@ -17,7 +17,6 @@ Array = NDArray[np.float64]
 # Width, in the logarithm, of what is believed of a physical parameter before the record is seen: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 BELIEF = 1.0
-FLAT = 1e-12  # relative curvature below which a direction counts as undetermined
 _PASSES = 3  # of fitting with a colour and estimating the colour from what is left
 _SETTLED = 0.5  # change of the log-likelihood that ends it
 _ENOUGH = 0.05  # fall of the sum of squared innovations that ends a search: far below what any evidence turns on
@@ -180,11 +179,3 @@ def _assessed(problem: Problem, q: Array, belief: Array, centre: Array) -> Fitte
         count,
         len(jacobian),
     )
-
-
-def normal_inverse(information: Array) -> tuple[NDArray[np.intp], Array]:
-    """Return which coordinates a normal matrix knows of, and its inverse in these, scaled before."""
-    scale = np.sqrt(np.diag(information))
-    seen = np.flatnonzero(scale > 0.0)
-    outer = np.outer(scale[seen], scale[seen])
-    return seen, np.linalg.pinv(information[np.ix_(seen, seen)] / outer, rcond=FLAT, hermitian=True) / outer
