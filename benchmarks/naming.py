@@ -103,7 +103,6 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     from orchestration.discrepancy.candidate import catalogue
     from orchestration.discrepancy.diagnosis import diagnose
     from orchestration.discrepancy.evidence import Data
-    from orchestration.discrepancy.words import last
     from orchestration.identify.residuals import normalised_rms
     from orchestration.records import read_record
     from orchestration.rig.bench import NOISE
@@ -133,7 +132,7 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
         "widths": [h.widths for h in drawn.truth.hidden],
         "verdict": found.verdict,
         "causes": found.causes,
-        "rivals": [[last(e) for e in s.rivals] for s in found.selection.steps],
+        "rivals": [[e.last for e in s.rivals] for s in found.selection.steps],
         "gains": [s.gain for s in found.selection.steps],
         "differing": found.differing,
         "ratio": max(error / best[o] for o, error in found.after.items()),

@@ -22,7 +22,7 @@ from orchestration.discrepancy.evidence import Data
 from orchestration.discrepancy.extension import Gain, destinations, export, extended, measured_gain
 from orchestration.discrepancy.page import Context, page
 from orchestration.discrepancy.separation import Separation, design
-from orchestration.discrepancy.words import last, sentence
+from orchestration.discrepancy.words import sentence
 from orchestration.identify.residuals import number
 from orchestration.models import Model
 from orchestration.records import Record, parse_mapping
@@ -272,11 +272,11 @@ def _show(found: Diagnosis, gain: Gain | None) -> None:
 def _show_evidence(found: Diagnosis) -> None:
     rows = plain_table("evidence", "effect", "fall of BIC", "verdict")
     for step in found.selection.steps:
-        rows.add_row(last(step.chosen), f"{step.gain:.1f}", "named")
+        rows.add_row(step.chosen.last, f"{step.gain:.1f}", "named")
         for rival in step.rivals:
             fall = step.gain - (rival.fitted.bic - step.chosen.fitted.bic)
-            rows.add_row(last(rival), f"{fall:.1f}", "not told apart")
+            rows.add_row(rival.last, f"{fall:.1f}", "not told apart")
     for evidence, fall in found.selection.rejected[:5]:
-        rows.add_row(last(evidence), f"{fall:.1f}", "rejected")
+        rows.add_row(evidence.last, f"{fall:.1f}", "rejected")
     out.print(rows)
     out.print()

@@ -161,7 +161,7 @@ def test_evidence_is_told_once_for_every_effect(pages, made):
     step = found.selection.steps[0]
     assert "strain_saturation Elongation that levels off" in told
     assert re.search(rf"relaxes assumption 5 {step.gain:.1f} .*? named", told)
-    fitted = {words.last(e) for e, _ in (*step.rejected, *found.selection.rejected)}
+    fitted = {e.last for e, _ in (*step.rejected, *found.selection.rejected)}
     evidence = told.split("Evidence: what was tried")[1].split(" Parameters ")[0]
     assert evidence.count(" rejected ") == len(fitted)
     assert "beside strain_saturation it is not needed" in evidence

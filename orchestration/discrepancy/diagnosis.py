@@ -110,14 +110,14 @@ class Diagnosis:
     @property
     def causes(self) -> list[str]:
         """Effects named, in the order in which they were found."""
-        return [label(step.chosen.candidate.effects[-1]) for step in self.selection.steps]
+        return [step.chosen.last for step in self.selection.steps]
 
     def as_json(self) -> dict[str, Any]:
         """Figures in the form of the design, section 8."""
         best = self.selection.best
         causes = []
         for step in self.selection.steps:
-            effect = step.chosen.candidate.effects[-1]
+            effect = step.chosen.effect
             own = [name for name in best.candidate.parameters if name in effect.declared]
             causes.append({
                 "effect": effect.id, "component": self.selection.base.candidate.cls.name,
@@ -126,7 +126,7 @@ class Diagnosis:
                 "evidence": {"delta_bic": step.gain, "p_value": step.p_value},
             })  # fmt: skip
         alternatives = [
-            {"effect": label(e.candidate.effects[-1]), "instead_of": cause,
+            {"effect": e.last, "instead_of": cause,
              "delta_bic": s.gain + s.chosen.fitted.bic - e.fitted.bic}
             for cause, s in zip(self.causes, self.selection.steps, strict=True) for e in s.rivals
         ]  # fmt: skip
@@ -198,27 +198,8 @@ def diagnose(
     UserError
         If the model cannot be simulated over the record, or no output can be trusted.
     """
-    least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
-    if len(data.time) < least:
-        raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
-    data, notes = trusted(cls, data, fixed or {})
-    if holdout is not None:
-        holdout, more = trusted(cls, holdout, fixed or {})
-        notes += [f"in the record held out: {note}" for note in more if note not in notes]
-    data, early = lasting(data)
-    first, unseen = Unseen.part_of(data) if holdout is None else (data, Unseen.another(holdout))
-    kept = usable(first)
-    notes += early + [f"{o}: too little of it is without gaps to say anything" for o in first.measured if o not in kept]
-    first, data = first.only(kept), data.only(kept)
-    unseen = replace(unseen, data=unseen.data.only(kept))
-    if not (first.measured and unseen.data.measured):
-        raise UserError("; ".join(["no output can be both fitted and judged", *notes]))
+    data, first, unseen, notes = _divided(cls, data, holdout, fixed or {})
     search = Search(first, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
-    notes += [
-        f"{o}: not in the record held out, so nothing of it is judged there"
-        for o in kept
-        if o not in unseen.data.measured
-    ]
     still = not moves(cls, first, fixed or {})
     starts = [name for name in search.parameters if name.endswith("_start")]
     idle = still and bool(starts)  # without knowing where it starts, how it settles tells nothing
@@ -251,6 +232,33 @@ def diagnose(
     return Diagnosis(verdict, found, known, others, left, before, after, first, unseen, final, notes)
 
 
+def _divided(
+    cls: type[Component], data: Data, holdout: Data | None, fixed: Mapping[str, float]
+) -> tuple[Data, Data, Unseen, list[str]]:
+    """Return what can be trusted, what of it is fitted to, what is held out, and what was left out of either."""
+    least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
+    if len(data.time) < least:
+        raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
+    data, notes = trusted(cls, data, fixed)
+    if holdout is not None:
+        holdout, more = trusted(cls, holdout, fixed)
+        notes += [f"in the record held out: {note}" for note in more if note not in notes]
+    data, early = lasting(data)
+    first, unseen = Unseen.part_of(data) if holdout is None else (data, Unseen.another(holdout))
+    kept = usable(first)
+    notes += early + [f"{o}: too little of it is without gaps to say anything" for o in first.measured if o not in kept]
+    first, data = first.only(kept), data.only(kept)
+    unseen = replace(unseen, data=unseen.data.only(kept))
+    if not (first.measured and unseen.data.measured):
+        raise UserError("; ".join(["no output can be both fitted and judged", *notes]))
+    notes += [
+        f"{o}: not in the record held out, so nothing of it is judged there"
+        for o in kept
+        if o not in unseen.data.measured
+    ]
+    return data, first, unseen, notes
+
+
 def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Prediction], list[str]]:
     """Keep the steps that make what nothing was fitted to more likely; of each what it says there."""
     models = [found.base, *(step.chosen for step in found.steps)]
@@ -258,7 +266,7 @@ def _confirmed(found: Selection, unseen: Unseen) -> tuple[Selection, list[Predic
     for k, richer in enumerate(models[1:]):
         prediction, noise = unseen.predicted(richer), richer.fitted.noise
         if unseen.misfit(prediction, noise) >= unseen.misfit(predictions[-1], noise):
-            dropped = ", ".join(label(model.candidate.effects[-1]) for model in models[k + 1 :])
+            dropped = ", ".join(model.last for model in models[k + 1 :])
             note = f"{dropped}: fits what was fitted to better, but not the part held out, and is not claimed"
             return replace(found, steps=found.steps[:k]), predictions, [note]
         predictions.append(prediction)
@@ -270,11 +278,11 @@ def _confounded(found: Selection) -> list[str]:
     named = {label(effect) for effect in found.best.candidate.effects}
     told = []
     for step in found.steps:
-        rivals = {label(rival.candidate.effects[-1]) for rival in step.rivals}
+        rivals = {rival.last for rival in step.rivals}
         near = {name: share for name, share in step.alike.items() if share > _MOSTLY and name not in named | rivals}
         if near:
             others = ", ".join(f"{name} ({100.0 * near[name]:.0f} %)" for name in sorted(near, key=lambda n: -near[n]))
-            told.append(f"{label(step.chosen.candidate.effects[-1])}: much of what it does, others would do: {others}")
+            told.append(f"{step.chosen.last}: much of what it does, others would do: {others}")
     return told
 
 
@@ -284,8 +292,9 @@ def _verdict(found: Selection, left: Mapping[str, Left], differing: Sequence[str
     # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
     before, after = found.base.fitted, found.best.fitted
     floor = {o: noise.deviation**2 for o, noise in after.noise.items()}
-    share = {o: (np.var(after.residual[o]) - floor[o]) / (np.var(before.residual[o]) - floor[o]) for o in left}
-    if any(rest.texts and not share[o] < _FORM for o, rest in left.items()):
+    rest_of = {o: np.var(after.residual[o]) - floor[o] for o in left}
+    small = {o: bool(found.steps) and rest_of[o] < _FORM * (np.var(before.residual[o]) - floor[o]) for o in left}
+    if any(rest.texts and not small[o] for o, rest in left.items()):
         return "unexplained"
     if found.steps:
         return "ambiguous" if any(step.rivals for step in found.strong) else "cause"

@@ -76,6 +76,16 @@ class Evidence:
     problem: Problem
     fitted: Fitted
 
+    @property
+    def effect(self) -> type[Effect]:
+        """The effect that was laid over the model last."""
+        return self.candidate.effects[-1]
+
+    @property
+    def last(self) -> str:
+        """Its name."""
+        return label(self.effect)
+
     def over(self, base: Evidence, tried: int) -> float:
         """How much better than another by BIC, less what looking at many costs: twice the logarithm of their number."""
         extra = len(self.candidate.effects) - len(base.candidate.effects)
@@ -237,7 +247,7 @@ class Search:
 
     def surer(self, found: Evidence) -> Evidence:
         """Fit once more from beside what was found: a kink or a time constant has several bests; and not at rest."""
-        candidate, effect = found.candidate, found.candidate.effects[-1]
+        candidate, effect = found.candidate, found.effect
         best = found
         for name in own_parameters(effect)[1:]:
             for factor in _BESIDE:

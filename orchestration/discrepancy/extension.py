@@ -86,7 +86,7 @@ def _remarks(found: Diagnosis, record: str, defaults: Mapping[str, float]) -> li
     told += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
     if not best.effects:
         told.append(f"Nothing was added to {base}: only its parameters were fitted")
-    rivals = [label(e.candidate.effects[-1]) for step in found.selection.steps for e in step.rivals]
+    rivals = [e.last for step in found.selection.steps for e in step.rivals]
     if rivals:
         told.append(f"On this record it cannot be told apart from {', '.join(rivals)}")
     if found.verdict == "unexplained":

@@ -234,18 +234,18 @@ def _tried(found: Diagnosis) -> list[_Tried]:
     """Every effect that was fitted, once: those named, those not told apart from them, others by their last look."""
     steps, tried = found.selection.steps, found.selection.tried
     below = [found.selection.base, *(step.chosen for step in steps)]
-    named = [words.last(step.chosen) for step in steps]
+    named = [step.chosen.last for step in steps]
     rows = [_Tried(step.chosen, step.gain, step.p_value, "named") for step in steps]
     for step, under in zip(steps, below, strict=False):
         for rival in step.rivals:
             gain = step.gain - (rival.fitted.bic - step.chosen.fitted.bic)
-            why = f"from {words.last(step.chosen)}"
+            why = f"from {step.chosen.last}"
             rows.append(_Tried(rival, gain, rival.p_value(under, tried), "not told apart", why))
-    told = {words.last(row.evidence) for row in rows}
+    told = {row.evidence.last for row in rows}
     looks: dict[str, list[tuple[Evidence, float, Evidence]]] = {}
     for look, under in zip([*(step.rejected for step in steps), found.selection.rejected], below, strict=True):
         for evidence, gain in look:
-            looks.setdefault(words.last(evidence), []).append((evidence, gain, under))
+            looks.setdefault(evidence.last, []).append((evidence, gain, under))
     others = []
     for name in looks.keys() - told:
         evidence, gain, under = looks[name][-1]
@@ -262,7 +262,7 @@ def _evidence(made: Page, found: Diagnosis, context: Context) -> None:
         most = max(row.gain for row in rows)
         head = ["effect", "fall of BIC", "p-value", "verdict"]
         made.table(head, [[
-            marks.two(words.last(row.evidence), words.does(row.evidence.candidate.effects[-1])),
+            marks.two(row.evidence.last, words.does(row.evidence.effect)),
             marks.bar(row.gain, most), words.probability(row.p_value),
             marks.two(marks.chip(row.verdict, row.verdict), row.why),
         ] for row in rows])  # fmt: skip
@@ -271,7 +271,7 @@ def _evidence(made: Page, found: Diagnosis, context: Context) -> None:
             f"price of looking at {found.selection.tried} effects, and p-values are corrected for that. Every "
             "candidate refits all parameters and the colour of the noise."
         ))  # fmt: skip
-    fitted = {words.last(row.evidence) for row in rows}
+    fitted = {row.evidence.last for row in rows}
     rest = [label(effect) for effect in context.effects if label(effect) not in fitted]
     if rest:
         none = "Looked at; none was promising enough to be fitted" if found.selection.tried else "Not tried"

@@ -112,8 +112,8 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
             found.rejected.extend(ranked)
             break
         chosen, gain = better[0]
-        effect = chosen.candidate.effects[-1]
-        others = [row for row in ranked[1:] if not _interchangeable(row[0].candidate.effects[-1], effect)]
+        effect = chosen.effect
+        others = [row for row in ranked[1:] if not _interchangeable(row[0].effect, effect)]
         rivals = [e for e, g in others if g > enough and gain - g < RIVAL]
         rejected = [row for row in others if row[0] not in rivals]
         named = {label(effect) for effect in chosen.candidate.effects}
@@ -124,11 +124,9 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
         found.steps.append(Step(chosen, gain, chosen.p_value(below, found.tried), rivals, rejected, alike))
         origins = [Origin(chosen, nearest.seen)]
     for evidence, _ in [*((s.chosen, s.gain) for s in found.steps), *found.rejected]:
-        search.unjudged.pop(label(evidence.candidate.effects[-1]), None)  # from elsewhere it could be fitted
+        search.unjudged.pop(evidence.last, None)  # from elsewhere it could be fitted
     named = {label(effect) for effect in found.best.candidate.effects}  # who was named beside another is no rival of it
-    steps = [
-        replace(s, rivals=[e for e in s.rivals if label(e.candidate.effects[-1]) not in named]) for s in found.steps
-    ]
+    steps = [replace(s, rivals=[e for e in s.rivals if e.last not in named]) for s in found.steps]
     return replace(found, steps=steps)
 
 
@@ -156,7 +154,7 @@ def _fitted(
             # what the best of them gains tells which of the others still has a chance
             batch, prospects = prospects[:AT_ONCE], prospects[AT_ONCE:]
             for found in filter(None, side_by_side(lambda prospect: _tried(search, below, prospect), batch)):
-                effect = found.candidate.effects[-1]
+                effect = found.effect
                 best[effect] = min(best.get(effect, found), found, key=lambda e: e.fitted.bic)
             gained = max((origin.evidence.fitted.deviance - e.fitted.deviance for e in best.values()), default=0.0)
             prospects = [prospect for prospect in prospects if prospect.outlook.fall > HOPELESS * gained]

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.candidate import label
 from orchestration.discrepancy.evidence import Data, Evidence, side_by_side
 from orchestration.discrepancy.expected import Response, at_rest, linearised, refitted, respond
 from orchestration.discrepancy.selection import Selection
@@ -257,7 +256,7 @@ class _Look:
         self.progress("refitting rivals over a designed experiment")
         responses, inputs = self._responses(chosen), self._inputs(chosen)
         return [
-            Expected(_name(a), _name(b), refitted(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]))
+            Expected(a.last, b.last, refitted(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]))
             for a, b in self.pairs
         ]
 
@@ -273,10 +272,6 @@ def _foremost(ranked: Sequence[tuple[float, T]]) -> T:
     """Return the first that is about as good as the best: those before are broader, and tell of more."""
     best = max(value for value, _ in ranked)
     return next(item for value, item in ranked if value >= best - _ABOUT * abs(best) or value == best)
-
-
-def _name(model: Evidence) -> str:
-    return label(model.candidate.effects[-1])
 
 
 def _text(value: str) -> str:

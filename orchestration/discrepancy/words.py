@@ -7,9 +7,7 @@ import re
 
 from fmus.kit import Effect
 from fmus.kit.documentation import Described, shown
-from orchestration.discrepancy.candidate import label
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.evidence import Evidence
 from orchestration.discrepancy.selection import ACCEPT
 from orchestration.identify.grey_box import Estimate
 from orchestration.report import Markup, escaped
@@ -44,15 +42,10 @@ def sentence(found: Diagnosis) -> str:
 def _causes(found: Diagnosis) -> str:
     """Name the effects with what cannot be told apart from them, and which are much weaker than the first."""
     steps = found.selection.steps
-    named = [" or ".join([cause, *map(last, step.rivals)]) for cause, step in zip(found.causes, steps, strict=True)]
+    named = [" or ".join(e.last for e in (step.chosen, *step.rivals)) for step in steps]
     strong = [name for name, step in zip(named, steps, strict=True) if step in found.selection.strong]
     weak = [name for name in named if name not in strong]
     return "; ".join(strong) + (f"; and, much weaker, {', '.join(weak)}" if weak else "")
-
-
-def last(evidence: Evidence) -> str:
-    """Name of the effect that was laid over a model last."""
-    return label(evidence.candidate.effects[-1])
 
 
 def does(effect: type[Effect]) -> Markup:
@@ -125,7 +118,7 @@ def details(found: Diagnosis) -> list[Markup]:
     lines = []
     for step in found.selection.steps:
         for evidence in (step.chosen, *step.rivals):
-            lines.append(Markup(f"<b>{escaped(last(evidence))}</b>: {does(evidence.candidate.effects[-1])}"))
+            lines.append(Markup(f"<b>{escaped(evidence.last)}</b>: {does(evidence.effect)}"))
     if found.verdict == "recalibrate":
         for name in found.differing:
             e, declared = found.estimates[name], found.selection.best.problem.declared[name]
