@@ -7,7 +7,7 @@ from contextlib import ExitStack
 
 from fmus import component
 from fmus.kit.build import build_cached
-from orchestration.fmu import Fmu
+from orchestration.fmu.instance import Fmu
 from orchestration.thesis import ageing
 
 from .tables import Cell, Table, Topic

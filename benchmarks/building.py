@@ -11,7 +11,8 @@ import zipfile
 from collections.abc import Callable
 
 from fmus import component
-from fmus.kit import build, toolchain
+from fmus.kit import build
+from fmus.kit.build import toolchain
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 

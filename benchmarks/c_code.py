@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from fmus.kit import toolchain
+from fmus.kit.build import toolchain
 
 SOURCES = Path(__file__).parent / "c"
 

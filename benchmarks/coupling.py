@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.coupling import CouplingError, coupling_error
-from orchestration.system import shipped
+from orchestration.master.reference.coupling_error import CouplingError, coupling_error
+from orchestration.system import library as shipped
 
 from .tables import Cell, Table, Topic
 

@@ -10,13 +10,13 @@ from functools import partial
 import numpy as np
 
 from fmus import component, effects
-from orchestration.discrepancy.candidate import catalogue
+from orchestration.discrepancy.candidates.candidate import catalogue
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.evidence import Data
-from orchestration.rig.bench import NOISE
-from orchestration.rig.emulator import EmulatedRig, RigParameters
-from orchestration.rig.hidden_coupling import SaturatingStrain
-from orchestration.stimuli import multilevel
+from orchestration.discrepancy.selection.search import Data
+from orchestration.experiment.waveforms import multilevel
+from orchestration.rig.emulator.bench import NOISE
+from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
+from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
 
 from .tables import Cell, Table, Topic
 

@@ -9,7 +9,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from fmus.kit import toolchain
+from fmus.kit.build import toolchain
 
 from .tables import Table
 

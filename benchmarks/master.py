@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from fmus import component
 from fmus.kit.build import build_cached
-from fmus.kit.compiled import CompiledModel
+from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
-from orchestration.fmu import Fmu
-from orchestration.fused import fuse
-from orchestration.system import shipped
+from orchestration.fmu.instance import Fmu
+from orchestration.master.reference.fused import fuse
+from orchestration.system import library as shipped
 from orchestration.system.model import Member, Port, System, connect
-from tests import hosts
+from tests.support import hosts
 
 from .record import exponent
 from .tables import Cell, Table, Topic

@@ -51,7 +51,7 @@ class Case:
     hidden : tuple of str
     seed : int
     options : dict
-        Of `orchestration.rig.records.draw`.
+        Of `orchestration.rig.emulator.records.draw`.
     """
 
     group: str
@@ -68,7 +68,7 @@ def cases(seeds: int) -> Iterator[Case]:
     seeds : int
         Of every variation at every strength and colour; the other groups in proportion.
     """
-    from orchestration.rig.variations import CATALOGUE, UNKNOWN
+    from orchestration.rig.emulator.variations import CATALOGUE, UNKNOWN
 
     for seed in range(1, seeds + 1):
         for colour in (0.0, 0.9):
@@ -100,13 +100,13 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     """
     from fmus.ppy_actuator.effects import EFFECTS
     from fmus.ppy_actuator.model import PpyActuator
-    from orchestration.discrepancy.candidate import catalogue
+    from orchestration.discrepancy.candidates.candidate import catalogue
     from orchestration.discrepancy.diagnosis import diagnose
-    from orchestration.discrepancy.evidence import Data
-    from orchestration.identify.residuals import normalised_rms
+    from orchestration.discrepancy.selection.search import Data
+    from orchestration.identify.metrics import normalised_rms
     from orchestration.records import read_record
-    from orchestration.rig.bench import NOISE
-    from orchestration.rig.records import UNITS, draw, write
+    from orchestration.rig.emulator.bench import NOISE
+    from orchestration.rig.emulator.records import UNITS, draw, write
 
     try:
         drawn = draw(case.hidden, case.seed, cache=records, **case.options)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus import component
-from fmus.kit.compiled import CompiledModel, Trajectory
-from fmus.kit.trace import trace
-from orchestration import stimuli
+from fmus.kit.record.compiled import CompiledModel, Trajectory
+from fmus.kit.symbolic.trace import trace
+from orchestration.experiment import waveforms as stimuli
 
 from . import c_code
 from .tables import Cell, Table, Topic

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus import component
 from fmus.kit import build
-from tests import hosts
+from tests.support import hosts
 
 from . import c_code
 from .tables import Cell, Table, Topic

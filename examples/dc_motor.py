@@ -5,7 +5,7 @@ Run it anywhere: ``python examples/dc_motor.py``; it draws ``dc_motor.png``.
 
 from pathlib import Path
 
-from orchestration.pictures import save
+from orchestration.reporting.pictures import save
 from orchestration.thesis.motor import DcMotor, Maxwell, figure
 
 LOAD = 2.75  # N, the largest of the thesis

@@ -14,7 +14,7 @@ import pytest
 
 from fmus import COMPONENTS, component
 from fmus.kit.build import RUNTIMES, build
-from fmus.kit.toolchain import host_platform
+from fmus.kit.build.toolchain import host_platform
 
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 

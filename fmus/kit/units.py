@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from .errors import UserError
+from fmus.kit.errors import UserError
 
 if TYPE_CHECKING:
     import pint

@@ -12,17 +12,17 @@ from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.associations import Shown, show
-from orchestration.discrepancy.candidate import label
-from orchestration.discrepancy.estimates import absurd, differing, estimates
-from orchestration.discrepancy.evidence import Data, Evidence, Search
-from orchestration.discrepancy.noise import segments
-from orchestration.discrepancy.selection import Selection, select
-from orchestration.discrepancy.structure import Jump, Line, jumps, lines, startled
-from orchestration.discrepancy.trust import lasting, moves, trusted, usable
-from orchestration.discrepancy.unseen import HELD_OUT, Prediction, Unseen
+from orchestration.discrepancy.candidates.candidate import label
+from orchestration.discrepancy.data.holdout import HELD_OUT, Prediction, Unseen
+from orchestration.discrepancy.data.screening import lasting, moves, trusted, usable
+from orchestration.discrepancy.residuals.correlation import Shown, show
+from orchestration.discrepancy.residuals.lines import Jump, Line, jumps, lines, startled
+from orchestration.discrepancy.selection.search import Data, Evidence, Search
+from orchestration.discrepancy.selection.stepwise import Selection, select
+from orchestration.discrepancy.validation.estimates import absurd, differing, estimates
 from orchestration.identify.grey_box import Estimate
-from orchestration.identify.residuals import Whiteness, number, whiteness
+from orchestration.identify.metrics import Whiteness, number, whiteness
+from orchestration.identify.noise import segments
 
 Array = NDArray[np.float64]
 _SHORTEST = 150  # samples to fit to

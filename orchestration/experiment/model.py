@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PlainValidator, ValidationError, model_validator
 
 from fmus.kit.errors import UserError, suggestion
-
-from .stimulus import AnyStimulus
-from .values import Amount, File, Span, Table
+from orchestration.experiment.stimulus import AnyStimulus
+from orchestration.experiment.values import Amount, File, Span, Table
 
 
 def _setting(given: Any) -> Any:

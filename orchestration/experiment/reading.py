@@ -9,10 +9,9 @@ from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit.errors import UserError, suggestion
-
-from .catalogue import shipped
-from .model import Experiment, Noise, parse
-from .stimulus import KINDS
+from orchestration.experiment.library import shipped
+from orchestration.experiment.model import Experiment, Noise, parse
+from orchestration.experiment.stimulus import KINDS
 
 if TYPE_CHECKING:
     import xarray
@@ -61,7 +60,7 @@ def _from_toml(path: Path) -> dict[str, Any]:
 
 
 def _from_result(path: Path, again: bool) -> dict[str, Any]:
-    from orchestration import results
+    from orchestration.experiment import results
 
     result = results.read(path)
     given: dict[str, Any] = json.loads(result.attrs["experiment"])

@@ -12,11 +12,10 @@ from pydantic import BeforeValidator, Field
 from fmus.foot import gait
 from fmus.kit import units
 from fmus.kit.errors import UserError
-from orchestration import stimuli
+from orchestration.experiment import waveforms as stimuli
+from orchestration.experiment.values import Amount, File, Hertz, Quantity, Seconds, Span, Table
+from orchestration.fmu.simulate import held
 from orchestration.records import read_record
-from orchestration.simulate import held
-
-from .values import Amount, File, Hertz, Quantity, Seconds, Span, Table
 
 Array = NDArray[np.float64]
 _ZERO = Quantity(0.0)

@@ -12,19 +12,19 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.compiled import CompiledModel
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
-from orchestration.coupling import Mechanical, mechanical
-from orchestration.fmu_file import read_description
-from orchestration.fused import fuse
-from orchestration.models import find_model
-from orchestration.signals import Signal, read_signal
-from orchestration.system import check, shipped, ssp
+from orchestration.experiment.model import Experiment, Master
+from orchestration.fmu.archive import read_description
+from orchestration.fmu.model import find_model
+from orchestration.fmu.signal import Signal, read_signal
+from orchestration.master.reference.coupling_error import Mechanical, mechanical
+from orchestration.master.reference.fused import fuse
+from orchestration.system import check, ssp
+from orchestration.system import library as shipped
 from orchestration.system.model import Member, Port, System
-from orchestration.system.names import ENDINGS
-
-from .model import Experiment, Master
+from orchestration.system.ssp.vocabulary import ENDINGS
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]

@@ -18,7 +18,7 @@ from pydantic import (
 
 from fmus.kit import units
 from fmus.kit.errors import suggestion
-from orchestration.signals import read_quantity
+from orchestration.fmu.signal import read_quantity
 
 
 class Table(BaseModel):

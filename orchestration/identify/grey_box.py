@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from fmus.kit import Component
-from fmus.kit.documentation import allowed, shown
+from fmus.kit.build.documentation import allowed, shown
 from fmus.kit.errors import UserError
 from orchestration.identify.problem import Problem
 

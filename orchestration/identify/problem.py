@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
-from orchestration.identify.delayed import DelayedModel
+from orchestration.identify.delay import DelayedModel
 from orchestration.records.clock import evenly_sampled
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fmus.kit.errors import UserError
-from orchestration.fmu import Fmu
-from orchestration.master.machine import Machine
-from orchestration.master.members import Instance
+from orchestration.fmu.instance import Fmu
+from orchestration.master.executor import Machine
+from orchestration.master.instances import Instance
 
 
 def enter(members: Sequence[Instance], start: float, stop: float) -> None:

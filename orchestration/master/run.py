@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.master.adaptive import Adaptive
-from orchestration.master.graph import describe
+from orchestration.fmu.signal import read_signal
+from orchestration.master.dependency_graph import describe
+from orchestration.master.executor import Machine
 from orchestration.master.initialization import enter, initialize
+from orchestration.master.instances import Clock, Memory
 from orchestration.master.interrupt import Interrupt, deferred
-from orchestration.master.machine import Machine
-from orchestration.master.members import Clock, Memory
-from orchestration.master.opening import check_abilities, columns, open_members, structure
-from orchestration.master.program import Settings
 from orchestration.master.result import Run, Spent, Statistics, Stopped
-from orchestration.signals import read_signal
+from orchestration.master.schedule import Settings
+from orchestration.master.setup import check_abilities, columns, open_members, structure
+from orchestration.master.step_control import Adaptive
 from orchestration.system.check import check
 from orchestration.system.model import Port, System
 

@@ -8,8 +8,8 @@ import numpy as np
 from fmus.kit.errors import UserError
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
+from orchestration.records.formats.registry import read_table
 from orchestration.records.mapping import TIME, Match, match_columns
-from orchestration.records.readers import read_table
 from orchestration.records.record import Record, Repair
 from orchestration.records.table import Table, numbers
 from orchestration.records.units import convert

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.kit import archive
+from fmus.kit.build import archive
 
 
 def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayLike], units: Mapping[str, str]) -> None:

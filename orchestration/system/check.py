@@ -10,13 +10,12 @@ from pathlib import Path
 import fmpy
 
 from fmus.kit import units
-from fmus.kit.documentation import allowed, shown
+from fmus.kit.build.documentation import allowed, shown
 from fmus.kit.errors import UserError, suggestion
-from orchestration.fmu_file import Archive
-from orchestration.models import Model, find_model
-from orchestration.signals import Signal, check_type
-
-from .model import Connection, Member, Port, System
+from orchestration.fmu.archive import Archive
+from orchestration.fmu.model import Model, find_model
+from orchestration.fmu.signal import Signal, check_type
+from orchestration.system.model import Connection, Member, Port, System
 
 _IDENTITY = (1.0, 0.0)
 

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orchestration import pictures
-
-from .layout import LETTER, TITLE, Box, Lane, arrange, nets_of, route
-from .model import Connection, Port, System
+from orchestration.reporting import pictures
+from orchestration.system.layout import LETTER, TITLE, Box, Lane, arrange, nets_of, route
+from orchestration.system.model import Connection, Port, System
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .check import interface
-from .model import Connection, Member, Port, System
+from orchestration.system.check import interface
+from orchestration.system.model import Connection, Member, Port, System
 
 LETTER = 0.078  # width of one at the size of the text
 TITLE = 0.36

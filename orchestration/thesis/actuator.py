@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from fmus.galvanostat.model import Galvanostat
 from fmus.kit.integrate import Integrator
-from fmus.kit.trace import trace
+from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration import pictures, stimuli
-
-from .claim import Claim, Erratum, Finding, Illustration
+from orchestration.experiment import waveforms as stimuli
+from orchestration.reporting import pictures
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from fmus import component
 from fmus.kit import Component
 from fmus.kit.build import build_cached
-from orchestration.fmu import Fmu
-from orchestration.simulate import grid
-from orchestration.stimuli import square_wave
+from orchestration.experiment.waveforms import square_wave
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import grid
 from orchestration.system.ageing_actuator import AGEING, AMPLITUDE, ESTIMATOR, FREQUENCY, actuator, capacitance
 
 Array = NDArray[np.float64]

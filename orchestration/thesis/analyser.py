@@ -10,8 +10,7 @@ from fmus.kit.integrate import Integrator
 from fmus.kit.units import convert
 from fmus.voice_coil_dma import analysis
 from fmus.voice_coil_dma.model import VoiceCoilDma
-
-from .claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
 
 _DMA = {p.name: float(p.start) for p in VoiceCoilDma.layout.parameters}
 _A1_CUTOFF = _DMA["force_cutoff"]

@@ -4,8 +4,17 @@ from __future__ import annotations
 
 from functools import cache
 
-from . import actuator, analyser, degradation, foot, force_loop, forgetting, identification, work_loops
-from .claim import Claim, Erratum, Illustration
+from orchestration.thesis import (
+    actuator,
+    analyser,
+    degradation,
+    foot,
+    force_loop,
+    forgetting,
+    identification,
+    work_loops,
+)
+from orchestration.thesis.claim import Claim, Erratum, Illustration
 
 CHAPTERS = {
     "Chapter 2: the bench": (analyser, force_loop),

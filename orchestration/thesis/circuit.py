@@ -7,7 +7,7 @@ from math import exp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .actuator import MODEL
+from orchestration.thesis.actuator import MODEL
 
 Array = NDArray[np.float64]
 CIRCUIT = (MODEL["R1"], MODEL["R2"], MODEL["C"])  # ohm, ohm, F

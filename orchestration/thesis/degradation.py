@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration import pictures
+from orchestration.experiment.waveforms import square_wave
 from orchestration.identify.impedance import least_squares_windows, magnitude, tustin, zero_order_hold
-from orchestration.stimuli import square_wave
+from orchestration.reporting import pictures
 from orchestration.system.ageing_actuator import FIRST_VOLTAGE, capacitance, periodic_voltage
-
-from . import ageing
-from .circuit import CIRCUIT, PERIOD, response
-from .claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis import ageing
+from orchestration.thesis.circuit import CIRCUIT, PERIOD, response
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

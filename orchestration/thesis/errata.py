@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .chapters import errata
+from orchestration.thesis.chapters import errata
 
 PAGE = Path(__file__).parents[2] / "docs" / "errata.md"
 _HEAD = """# Errata of the source

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from fmus.foot.model import Foot
 from fmus.foot.thesis import MILLIMETRES_PER_INCH, printed
-from orchestration import pictures
-
-from . import motor
-from .claim import Claim, Erratum, Finding, Illustration, number
-from .motor import DcMotor, Maxwell
-from .work_loops import DAMPING, STIFFNESS
+from orchestration.reporting import pictures
+from orchestration.thesis import motor
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration, number
+from orchestration.thesis.motor import DcMotor, Maxwell
+from orchestration.thesis.work_loops import DAMPING, STIFFNESS
 
 Array = NDArray[np.float64]
 _TEST = "test_thesis_foot"

@@ -11,9 +11,8 @@ import numpy as np
 from fmus.kit.units import convert
 from fmus.voice_coil_dma import analysis
 from fmus.voice_coil_dma.model import VoiceCoilDma
-from orchestration import pictures
-
-from .claim import Claim, Erratum, Finding, Illustration, number
+from orchestration.reporting import pictures
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration import pictures
-from orchestration.stimuli import square_wave
-
-from .circuit import CIRCUIT, PERIOD, response
-from .claim import Claim, Erratum, Finding, Illustration
+from orchestration.experiment.waveforms import square_wave
+from orchestration.reporting import pictures
+from orchestration.thesis.circuit import CIRCUIT, PERIOD, response
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

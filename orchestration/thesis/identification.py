@@ -9,9 +9,8 @@ from functools import partial
 import numpy as np
 
 from orchestration.identify.impedance import tustin
-
-from .circuit import CIRCUIT, PERIOD, held_coefficients
-from .claim import Claim, Erratum, Finding, Illustration, spread
+from orchestration.thesis.circuit import CIRCUIT, PERIOD, held_coefficients
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration, spread
 
 # table 3-1 as printed: b0, b1, a, then R1, R2, C of the three data sets, and their means and standard deviations
 SETS = (

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orchestration import pictures
+from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,11 +12,11 @@ from pathlib import Path
 from rich.table import Table
 
 from fmus.kit.errors import UserError
-from orchestration import pictures, screen
-from orchestration.report import Page
-
-from . import chapters
-from .claim import Claim
+from orchestration.reporting import console as screen
+from orchestration.reporting import pictures
+from orchestration.reporting.page import Page
+from orchestration.thesis import chapters
+from orchestration.thesis.claim import Claim
 
 _STYLE = {"holds": "", "within rounding": "", "only as printed": "yellow", "differs": "red"}
 _COUNTED = {

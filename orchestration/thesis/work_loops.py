@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from fmus.foot import gait
 from fmus.foot.model import Foot
-from orchestration import pictures
-
-from .actuator import CURRENT_LIMIT, run, staircase
-from .claim import Claim, Erratum, Finding, Illustration
-from .motor import Maxwell
+from orchestration.reporting import pictures
+from orchestration.thesis.actuator import CURRENT_LIMIT, run, staircase
+from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis.motor import Maxwell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

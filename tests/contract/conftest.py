@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from fmus.kit.build import build
+from fmus.kit.build.toolchain import host_platform
 from fmus.kit.component import Component
-from fmus.kit.toolchain import host_platform
 from tests.contract.raw import instance
 from tests.contract.subjects import SUBJECTS, Subject
 

@@ -10,10 +10,10 @@ import zipfile
 
 from fmus import component
 from fmus.kit import build
-from fmus.kit.toolchain import host_platform
-from tests import hosts
+from fmus.kit.build.toolchain import host_platform
 from tests.contract.raw import Instance, Library, unzipped
 from tests.contract.subjects import actuators_only
+from tests.support import hosts
 
 _count = itertools.count()
 VARIANT = """

@@ -9,11 +9,11 @@ import pytest
 
 from fmus import component
 from fmus.kit import stack
-from tests import hosts
 from tests.contract import hostile
 from tests.contract.models import BrokenOutput, BrokenRate, Oscillator
 from tests.contract.raw import ERROR, OK
 from tests.contract.subjects import SUBJECTS, actuators_only
+from tests.support import hosts
 
 # What the first message must tell, <role> standing for a variable of the subject. Every status must be Error.
 EXPECTED = {

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from fmus import COMPONENTS
-from tests import hosts
 from tests.contract.models import Oscillator, Sampler
 from tests.contract.raw import OK, Instance, Library, doubles, instance, integers, unzipped
+from tests.support import hosts
 
 STEPS = 60
 FOOT_LOADS = [f"{actuator}_tension" for actuator in ("an", "po", "do", "pl")] + ["toe_force_x", "toe_force_y"]

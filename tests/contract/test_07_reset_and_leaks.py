@@ -8,12 +8,12 @@ import pytest
 
 from fmus import component
 from fmus.kit import stack
-from tests import hosts
 from tests.contract import leaks
 from tests.contract.models import BrokenOutput, Oscillator, Sampler
 from tests.contract.raw import ERROR, Instance, Library, instance, unzipped
 from tests.contract.subjects import ACTUATORS, Subject, actuators_only
 from tests.contract.test_05_state import go, schedule
+from tests.support import hosts
 
 STEPS = 60
 CYCLES = 10_000

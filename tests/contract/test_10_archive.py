@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from fmus import component
-from fmus.kit.toolchain import host_platform
-from tests import hosts
+from fmus.kit.build.toolchain import host_platform
 from tests.contract.subjects import actuators_only
+from tests.support import hosts
 
 REFERENCES = "extra/org.fmi-standard.fmi-ls-ref"
 

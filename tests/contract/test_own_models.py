@@ -14,7 +14,7 @@ import pytest
 from fmus import component
 from fmus.kit import UserError, stack
 from fmus.kit.build import build, plan
-from fmus.kit.toolchain import host_platform
+from fmus.kit.build.toolchain import host_platform
 from tests.contract.models import DoubledVoltage
 from tests.contract.raw import instance
 

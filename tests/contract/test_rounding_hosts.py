@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests import hosts
+from tests.support import hosts
 
 
 def test_a_host_that_adds_up_steps_reaches_its_stop_time(fmu, runtime):

@@ -1,0 +1,114 @@
+"""``documentation/index.html`` of an FMU: the component's README and a table of its variables, as one plain page."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Protocol
+
+from fmus.kit import units
+from fmus.kit.component import Component
+from fmus.kit.declare import Declaration, ParameterDeclaration
+
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #1c2733 }
+h1, h2, h3 { line-height: 1.2; color: #0b3d5c } code, pre { font: 0.92em ui-monospace, monospace; background: #f2f5f8 }
+pre { padding: 0.8rem; overflow-x: auto } code { padding: 0.1em 0.25em } pre code { padding: 0 }
+div.table { overflow-x: auto } table { border-collapse: collapse; margin: 1rem 0 }
+th, td { border: 1px solid #c9d3dc; padding: 0.3rem 0.6rem; text-align: left; vertical-align: top }
+th { background: #eef3f7 } img { max-width: 100% } td.number { text-align: right; font-variant-numeric: tabular-nums }
+"""
+
+
+def page(cls: type[Component], readme: Path) -> str:
+    """Make the page.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    readme : Path
+        Markdown, the component's README.
+
+    Returns
+    -------
+    str
+        HTML that needs nothing from elsewhere.
+    """
+    from markdown_it import MarkdownIt
+
+    text = readme.read_text(encoding="utf-8") if readme.exists() else f"# {cls.name}\n\n{cls.__doc__ or ''}"
+    body = MarkdownIt("commonmark").enable("table").render(text)
+    body = body.replace("<table>", '<div class="table"><table>').replace("</table>", "</table></div>")
+    layout = cls.layout
+    sections = {
+        "Inputs": layout.inputs,
+        "Outputs": layout.measurable,
+        "Parameters": layout.parameters,
+        "States": (*layout.states, *layout.discretes),
+    }
+    tables = "".join(_table(title, rows) for title, rows in sections.items() if rows)
+    remarks = "".join(f"<li>{html.escape(line)}</li>" for line in cls.remark.splitlines())
+    note = f"<h2>What was made of it</h2><ul>{remarks}</ul>" if remarks else ""
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{cls.name}</title>'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
+        f"<body>{body}{note}<h2>Variables of <code>{cls.name}</code></h2>{tables}</body></html>\n"
+    )
+
+
+class Described(Protocol):
+    """What is needed to write a value: a declaration, or a variable of anybody's FMU."""
+
+    type: str
+    unit: str
+    display: Any  # str, or None for the unit itself
+    min: float
+    max: float
+
+
+def shown(value: float, variable: Described, digits: int = 6) -> str:
+    """Return a value with its unit as people read it, e.g. ``0.068 mm/C``."""
+    if variable.type == "boolean":
+        return "true" if value else "false"
+    return _with_unit(value, variable.unit, variable.display or variable.unit, digits)
+
+
+def shown_difference(value: float, variable: Described, digits: int = 6) -> str:
+    """Return a difference of two values, such as an error, with its unit: 2 K stay 2 K where 2 K would be -271 degC."""
+    return _with_unit(value, variable.unit, unit_of_differences(variable), digits)
+
+
+def unit_of_differences(variable: Described) -> str:
+    """Return the unit people prefer for differences: the displayed one unless it has an offset."""
+    unit = variable.display or variable.unit
+    return unit if units.convert(0.0, variable.unit, unit) == 0.0 else variable.unit
+
+
+def _with_unit(value: float, unit: str, display: str, digits: int) -> str:
+    return f"{units.convert(float(value), unit, display):.{digits}g}" + ("" if display == "1" else f" {display}")
+
+
+def allowed(variable: Described) -> str:
+    """Return the range of a variable as people read it, e.g. ``0 … 1e+06 ohm``; empty if open."""
+    low, high = math.isfinite(variable.min), math.isfinite(variable.max)
+    if low and high:
+        least = units.convert(variable.min, variable.unit, variable.display or variable.unit)
+        return f"{least:g} … {shown(variable.max, variable)}"
+    return f"≥ {shown(variable.min, variable)}" if low else f"≤ {shown(variable.max, variable)}" if high else ""
+
+
+def _table(title: str, variables: Iterable[Declaration]) -> str:
+    rows = []
+    for v in variables:
+        default = shown(v.start, v) if isinstance(v, ParameterDeclaration) else ""
+        unit = v.unit if v.unit != "1" else ""
+        text = html.escape(v.doc + (f" ({v.source})" if v.source else ""))
+        cells = f"<td><code>{v.name}</code></td><td>{html.escape(unit)}</td>"
+        if title == "Parameters":
+            cells += f'<td class="number">{html.escape(default)}</td><td>{html.escape(allowed(v))}</td>'
+        rows.append(f"<tr>{cells}<td>{text}</td></tr>")
+    extra = "<th>default</th><th>allowed</th>" if title == "Parameters" else ""
+    head = f"<tr><th>name</th><th>unit</th>{extra}<th>meaning</th></tr>"
+    return f'<h3>{title}</h3><div class="table"><table>{head}{"".join(rows)}</table></div>\n'

@@ -1,0 +1,82 @@
+"""Parameter files: SSV, the parameter format of SSP 1.0."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Protocol
+from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
+
+from fmus.kit import units
+
+SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+
+
+class Typed(Protocol):
+    """What has a type and a unit: a declaration, or a variable of an FMU."""
+
+    @property
+    def type(self) -> str:
+        """One of real, integer and boolean."""
+
+    @property
+    def unit(self) -> str:
+        """As pint reads it; empty where the unit is not to be told."""
+
+
+def to_ssv(name: str, values: Mapping[str, float], declared: Mapping[str, Typed], doc: str = "") -> bytes:
+    """Write a parameter set.
+
+    Parameters
+    ----------
+    name : str
+        Name of the set.
+    values : Mapping[str, float]
+        Parameter name to value in its declared unit.
+    declared : Mapping[str, Typed]
+        Parameter name to its type and unit.
+    doc : str
+        Description of the set.
+
+    Returns
+    -------
+    bytes
+        UTF-8 XML.
+    """
+    register_namespace("ssv", SSV)
+    register_namespace("ssc", SSC)
+    root = Element(f"{{{SSV}}}ParameterSet", version="1.0", name=name)
+    if doc:
+        root.set("description", doc)
+    parameters = SubElement(root, f"{{{SSV}}}Parameters")
+    used = set()
+    for key, value in values.items():
+        node = SubElement(parameters, f"{{{SSV}}}Parameter", name=key)
+        declaration = declared[key]
+        if declaration.type == "real":
+            real = SubElement(node, f"{{{SSV}}}Real", value=repr(float(value)))
+            if declaration.unit:
+                real.set("unit", declaration.unit)
+                used.add(declaration.unit)
+        else:
+            text = str(bool(value)).lower() if declaration.type == "boolean" else str(int(value))
+            SubElement(node, f"{{{SSV}}}{declaration.type.capitalize()}", value=text)
+    define_units(root, SSV, used)
+    indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+
+
+def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:
+    """Append an element ``Units`` of a namespace that defines units in SI base units; nothing if there are none."""
+    if not (names := sorted(used)):
+        return
+    definitions = SubElement(parent, f"{{{namespace}}}Units")
+    for unit in names:
+        base = units.base_unit(unit)
+        attributes = {k: str(v) for k, v in sorted(base.exponents.items())}
+        if base.factor != 1.0:
+            attributes["factor"] = repr(base.factor)
+        if base.offset != 0.0:
+            attributes["offset"] = repr(base.offset)
+        node = SubElement(definitions, f"{{{SSC}}}Unit", name=unit)
+        SubElement(node, f"{{{SSC}}}BaseUnit", attributes)

@@ -1,0 +1,176 @@
+"""Finding and running a C compiler: zig (every platform, offline) or the system's (this platform only)."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmus.kit.errors import UserError
+
+# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library.
+ZIG_TARGETS = {
+    "linux64": ("x86_64-linux-gnu.2.17",),
+    "win64": ("x86_64-windows-gnu",),
+    "darwin64": ("x86_64-macos", "aarch64-macos"),
+}
+EXTENSIONS = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib"}
+INSTALL_HINT = "pip install 'ppy-rig[native]' brings one (zig), for every platform"
+
+# No contraction of a*b+c: the two builds, and every platform, shall round alike.
+_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s", "-g0")
+
+
+def host_platform() -> str:
+    """FMI 2.0 name of this machine's platform, e.g. ``linux64``.
+
+    Raises
+    ------
+    UserError
+        If FMI 2.0 has no name for it, or it is not built here.
+    """
+    system, processor = platform.system(), platform.machine().lower()
+    name = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}.get(system)
+    if name is None or (processor not in ("x86_64", "amd64") and not (name == "darwin64" and processor == "arm64")):
+        raise UserError(
+            f"FMUs are built for {', '.join(ZIG_TARGETS)} (x86-64; macOS also arm64), not for {system} {processor}"
+        )
+    return name
+
+
+def fmi_headers() -> Path:
+    """Folder of the FMI headers, as shipped with fmpy."""
+    import fmpy
+
+    return Path(fmpy.__file__).parent / "c-code"
+
+
+def cache_folder() -> Path:
+    """Folder for compiled things that can be made again; ``PPY_CACHE`` in the environment moves it."""
+    import platformdirs
+
+    return Path(os.environ.get("PPY_CACHE") or platformdirs.user_cache_dir("ppy-rig"))
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler for one platform.
+
+    Attributes
+    ----------
+    command : tuple of str
+        How it is called.
+    targets : tuple of str
+        zig targets; empty for the system's compiler.
+    """
+
+    command: tuple[str, ...]
+    targets: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """For people: which compiler this is."""
+        return "zig" if self.targets else Path(self.command[0]).name
+
+
+def find_compiler(target: str) -> Compiler:
+    """Find a compiler for a platform.
+
+    ``CC`` in the environment names the system's compiler; without it ``cc``, ``gcc`` and ``clang`` are tried. zig is
+    preferred: its libraries run on any glibc since 2.17 and are the same bytes wherever they are built.
+
+    Parameters
+    ----------
+    target : str
+        ``linux64``, ``win64`` or ``darwin64``.
+
+    Raises
+    ------
+    UserError
+        If there is none, saying what to install.
+    """
+    if target not in ZIG_TARGETS:
+        raise UserError(f"unknown platform {target!r}; FMI platforms built here: {', '.join(ZIG_TARGETS)}")
+    if importlib.util.find_spec("ziglang") is not None:
+        return Compiler((sys.executable, "-m", "ziglang", "cc"), ZIG_TARGETS[target])
+    if target == host_platform() and target != "win64":
+        for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
+            if found := shutil.which(name):
+                return Compiler((found,))
+    raise UserError(f"no C compiler for {target} on this machine; {INSTALL_HINT}")
+
+
+def compile_library(
+    sources: Sequence[Path],
+    include: Sequence[Path],
+    target: str,
+    *,
+    libraries: Sequence[str] = (),
+) -> bytes:
+    """Compile C sources into a shared library.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        C files.
+    include : sequence of Path
+        Header folders.
+    target : str
+        FMI 2 platform.
+    libraries : sequence of str
+        Names for ``-l``, used where the platform is not Windows.
+
+    Returns
+    -------
+    bytes
+        The library; on darwin64 a universal one for x86-64 and arm64 when zig made it.
+
+    Raises
+    ------
+    UserError
+        If there is no compiler, or it fails (with its first error line).
+    """
+    compiler = find_compiler(target)
+    built = []
+    for zig_target in compiler.targets or ("",):
+        with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
+            output = Path(folder) / f"library{EXTENSIONS[target]}"
+            command = [*compiler.command, *(("-target", zig_target) if zig_target else ()), *_FLAGS]
+            command += [f"-I{folder}" for folder in include]
+            command += [*map(str, sources), "-o", str(output)]
+            command += [f"-l{library}" for library in libraries] if target != "win64" else []
+            if target == "darwin64":
+                command += ["-Wl,-install_name,@rpath/library.dylib"]
+            done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+            if done.returncode != 0:
+                lines = (
+                    [line for line in done.stderr.splitlines() if "error" in line]
+                    or done.stderr.splitlines()
+                    or ["no message"]
+                )
+                raise UserError(f"{compiler.label} failed for {zig_target or target}: {lines[0]}")
+            built.append(output.read_bytes())
+    return built[0] if len(built) == 1 else _universal(built)
+
+
+def _universal(libraries: list[bytes]) -> bytes:
+    """Join thin Mach-O libraries into a universal one (the format of ``<mach-o/fat.h>``)."""
+    alignment = 14  # 2**14: the page size of arm64
+    header = bytearray(b"".join(n.to_bytes(4, "big") for n in (0xCAFEBABE, len(libraries))))
+    body = bytearray()
+    offset = 1 << alignment
+    for library in libraries:
+        kind, subtype = (library[i : i + 4][::-1] for i in (4, 8))  # little-endian in the thin header
+        header += kind + subtype
+        header += b"".join(n.to_bytes(4, "big") for n in (offset, len(library), alignment))
+        padding = -len(library) % (1 << alignment)
+        body += library + bytes(padding)
+        offset += len(library) + padding
+    return bytes(header) + bytes((1 << alignment) - len(header)) + bytes(body)

@@ -1,0 +1,200 @@
+"""Running a component over a whole record as compiled C, with exact sensitivities: the fast path for fitting.
+
+The same laws, tables and integrator as in the native FMU (``fmi2/record.c`` in place of the FMI front-end), compiled
+once for this machine and kept in the user's cache folder. Without a C compiler CasADi interprets the laws instead.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.build import archive, toolchain
+from fmus.kit.component import Component
+from fmus.kit.errors import UserError
+from fmus.kit.record.interpreted import Interpreted
+from fmus.kit.symbolic import codegen
+from fmus.kit.symbolic.hoist import hoist
+from fmus.kit.symbolic.sensitivity import with_sensitivities
+from fmus.kit.symbolic.trace import Graph, trace
+
+Array = NDArray[np.float64]
+_SOURCES = Path(__file__).parents[1] / "fmi2"
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a simulation over a record gives.
+
+    Attributes
+    ----------
+    signals : dict of str to ndarray, shape (n,)
+        Outputs, states and discrete states by name, SI.
+    sensitivities : dict of str to ndarray, shape (n, p)
+        Their derivatives with respect to the p chosen parameters.
+    """
+
+    signals: dict[str, Array]
+    sensitivities: dict[str, Array]
+
+
+class CompiledModel:
+    """A component compiled for this machine.
+
+    Parameters
+    ----------
+    model : type[Component] or Graph
+        The component, or what it was traced to.
+    sensitivities : sequence of str
+        Parameters (start values included) with respect to which derivatives are wanted.
+
+    Raises
+    ------
+    UserError
+        If there can be no sensitivity to a name (see :func:`.with_sensitivities`).
+    """
+
+    def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
+        base = model if isinstance(model, Graph) else trace(model)
+        self.layout = base.layout
+        self.names = list(sensitivities)
+        self._graph = with_sensitivities(base, self.names)
+        hoisted, self._hoisted = hoist(self._graph)
+        self._engine = _Library(hoisted) if _compiler() else Interpreted(hoisted)
+
+    def run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float] | None = None,
+        linear: bool = False,
+        effort: float = 1e6,
+    ) -> Trajectory:
+        """Simulate.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds, increasing.
+        inputs : Mapping[str, ndarray]
+            Values of shape (n,) by input name, SI; missing ones stay at their start value.
+        parameters : Mapping[str, float], optional
+            Values that replace defaults, SI.
+        linear : bool
+            Interpolate inputs between samples instead of holding them.
+        effort : float
+            Internal steps per sample, on average, that are made before it is given up.
+
+        Returns
+        -------
+        Trajectory
+            Values at ``time``, outputs with the inputs of the same sample.
+
+        Raises
+        ------
+        UserError
+            If an input or a parameter is unknown or the simulation fails.
+        """
+        layout = self._graph.layout
+        known = [v.name for v in layout.inputs]
+        unknown = [name for name in inputs if name not in known]
+        if unknown:
+            names = ", ".join(map(repr, unknown))
+            raise UserError(f"{self._graph.name}: no input named {names} (there are: {', '.join(known)})")
+        values = {p.name: float(p.start) for p in layout.parameters}
+        for name, value in (parameters or {}).items():
+            if name not in values:
+                raise UserError(f"no parameter named {name!r}")
+            values[name] = float(value)
+        given = np.array(list(values.values()))
+        n = len(time)
+        fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
+        table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
+        everything = np.concatenate([given, self._hoisted(given).full()[:, 0]])
+        times = np.ascontiguousarray(time, dtype=float)
+        outputs, states = self._engine.simulate(times, table, linear, everything, self._graph.tolerance, effort)
+        signals: dict[str, Array] = {}
+        sensitivities: dict[str, Array] = {}
+        continuous, discrete = np.split(states, [len(layout.states)], axis=1)
+        own = self.layout
+        for group, rows in ((own.outputs, outputs), (own.states, continuous), (own.discretes, discrete)):
+            # each row holds the values, then their derivatives, parameter by parameter
+            by_parameter = rows.reshape(n, 1 + len(self.names), len(group))
+            for i, variable in enumerate(group):
+                signals[variable.name] = by_parameter[:, 0, i]
+                sensitivities[variable.name] = by_parameter[:, 1:, i]
+        return Trajectory(signals, sensitivities)
+
+
+def _pointer(array: Array) -> object:
+    return array.ctypes.data_as(_DOUBLES)
+
+
+def _compiler() -> bool:
+    """Whether there is a C compiler."""
+    try:
+        toolchain.find_compiler(toolchain.host_platform())
+    except UserError:
+        return False
+    return True
+
+
+class _Library:
+    """A graph, compiled."""
+
+    def __init__(self, graph: Graph):
+        self._function = _load(graph)
+        layout = graph.layout
+        self._outputs, self._states = len(layout.outputs), len(layout.states) + len(layout.discretes)
+
+    def simulate(
+        self, time: Array, table: Array, linear: bool, parameters: Array, tolerance: float, effort: float
+    ) -> tuple[Array, Array]:
+        """Run over a record, as :meth:`Interpreted.simulate`."""
+        outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
+        message = ctypes.create_string_buffer(1024)
+        failed = self._function(
+            len(time), _pointer(time), _pointer(table), int(linear), _pointer(parameters), tolerance, effort,
+            _pointer(outputs), _pointer(states), message, len(message),
+        )  # fmt: skip
+        if failed:
+            raise UserError(message.value.decode(errors="replace"))
+        return outputs, states
+
+
+def _load(graph: Graph) -> Any:
+    """Compile, or take from the cache, and bind ``ppy_simulate``."""
+    sources = {p.name: p.read_bytes() for p in _SOURCES.iterdir()}
+    sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
+    target = toolchain.host_platform()
+    digest = hashlib.sha256(toolchain.find_compiler(target).label.encode())
+    for name in sorted(sources):
+        digest.update(name.encode() + b"\0" + sources[name])
+    path = toolchain.cache_folder() / f"record-{digest.hexdigest()[:32]}{toolchain.EXTENSIONS[target]}"
+    if not path.exists():
+        with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
+            for name, contents in sources.items():
+                (Path(folder) / name).write_bytes(contents)
+            parts = ("record.c", "native.c", "integrate.c", "model.c", "laws.c")
+            everything = Path(folder) / "everything.c"  # one translation unit, as in the FMU
+            everything.write_text("".join(f'#include "{name}"\n' for name in parts), encoding="utf-8")
+            library = toolchain.compile_library(
+                [everything], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
+            )
+        archive.write_once(path, library)
+    function = ctypes.CDLL(str(path)).ppy_simulate
+    function.argtypes = [
+        ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, ctypes.c_double,
+        ctypes.c_double, _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
+    ]  # fmt: skip
+    function.restype = ctypes.c_int
+    return function

@@ -1,0 +1,135 @@
+"""C source of one component: its tables (``model.h``, ``model.c``) and its laws (``laws.c``, from the CasADi graph).
+
+What each file must contain is written at the top of ``fmi2/engine.h``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from pathlib import Path
+
+import casadi as ca
+
+from fmus.kit.declare import (
+    DiscreteDeclaration,
+    InputDeclaration,
+    OutputDeclaration,
+    ParameterDeclaration,
+    StateDeclaration,
+)
+from fmus.kit.symbolic.trace import Graph
+
+_ROLES = {
+    ParameterDeclaration: "ROLE_PARAMETER",
+    InputDeclaration: "ROLE_INPUT",
+    StateDeclaration: "ROLE_STATE",
+    DiscreteDeclaration: "ROLE_DISCRETE",
+    OutputDeclaration: "ROLE_OUTPUT",
+}
+
+
+def _c_double(value: float) -> str:
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value))
+
+
+def _c_string(text: str) -> str:
+    return json.dumps(text)  # the escapes of JSON are those of C for printable ASCII
+
+
+def tables(graph: Graph, guid: str) -> dict[str, str]:
+    """Write the tables that the front-end reads.
+
+    Parameters
+    ----------
+    graph : Graph
+        The traced component.
+    guid : str
+
+    Returns
+    -------
+    dict of str to str
+        ``model.h`` without the sizes of the laws, and ``model.c``.
+    """
+    layout = graph.layout
+    groups = layout.sampled
+    sizes = {
+        "PARAMETERS": layout.parameters, "INPUTS": layout.inputs, "STATES": layout.states,
+        "DISCRETES": layout.discretes, "OUTPUTS": layout.outputs, "GROUPS": groups,
+    }  # fmt: skip
+    header = ["#ifndef MODEL_H", "#define MODEL_H", *(f"#define MODEL_{k} {len(v)}" for k, v in sizes.items())]
+    rows = []
+    for v in layout.variables:
+        start = _c_double(float(getattr(v, "start", 0.0)))
+        numbers = ", ".join([start, *map(_c_double, (v.min, v.max, v.nominal))])
+        rows.append(
+            f"    {{{_c_string(v.name)}, {_c_string(v.unit)}, {_ROLES[type(v)]}, TYPE_{v.type.upper()}, {numbers}}},"
+        )
+    for (name, unit), state in zip(layout.derivatives, layout.states, strict=True):
+        numbers = f"0.0, -INFINITY, INFINITY, {_c_double(state.nominal)}"
+        rows.append(f"    {{{_c_string(name)}, {_c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},")
+    index = {p.name: i for i, p in enumerate(layout.parameters)}
+    starts = [index[f"{s.name}_start"] for s in (*layout.states, *layout.discretes)]
+    periods = [
+        f"    {{0.0, {index[period]}}}," if isinstance(period, str) else f"    {{{_c_double(period)}, -1}},"
+        for period, _ in groups
+    ]
+    body = [
+        "#include <math.h>", '#include "engine.h"', "",
+        f"const char model_name[] = {_c_string(graph.name)};",
+        f"const char model_guid[] = {_c_string(guid)};",
+        f"const double model_tolerance = {_c_double(graph.tolerance)};",
+        "const Variable model_variables[] = {", *rows, "};",
+        f"const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
+        "const Group model_groups[] = {", *(periods or ["    {0.0, -1},"]), "};",
+    ]  # fmt: skip
+    return {"model.h": "\n".join(header) + "\n", "model.c": "\n".join(body) + "\n"}
+
+
+def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, str]:
+    """Write every generated file of the native build.
+
+    Parameters
+    ----------
+    graph : Graph
+        The traced component.
+    guid : str
+    tangent : bool
+        Whether directional derivatives are wanted.
+
+    Returns
+    -------
+    dict of str to str
+        ``model.h``, ``model.c`` and ``laws.c``.
+    """
+    functions = graph.functions(tangent)
+    sizes = {
+        "ARG": max(f.sz_arg() for f in functions), "RES": max(f.sz_res() for f in functions),
+        "IW": max(1, *(f.sz_iw() for f in functions)), "W": max(1, *(f.sz_w() for f in functions)),
+    }  # fmt: skip
+    files = tables(graph, guid)
+    updates = "".join(f" X(update_{i})" for i in range(len(graph.updates)))
+    lines = [*(f"#define LAWS_SZ_{k} {n}" for k, n in sizes.items()), f"#define LAWS_UPDATES(X){updates}", "#endif"]
+    files["model.h"] += "\n".join(lines) + "\n"
+    files["laws.c"] = "#define CASADI_SYMBOL_EXPORT\n" + _generate(functions)
+    return files
+
+
+def python_sources(graph: Graph, guid: str) -> dict[str, str]:
+    """Write every generated file of the Python build, ``model.h`` and ``model.c``; the laws stay in Python."""
+    files = tables(graph, guid)
+    files["model.h"] += "#endif\n"
+    return files
+
+
+def _generate(functions: list[ca.Function]) -> str:
+    generator = ca.CodeGenerator("laws.c", {"with_header": False})
+    for function in functions:
+        generator.add(function)
+    with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
+        generator.generate(folder + os.sep)
+        return (Path(folder) / "laws.c").read_text(encoding="utf-8")

@@ -1,0 +1,230 @@
+"""The model that a diagnosis ends with, as an FMU of its own, and what it gains on data that no fit has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import Component, Effect, stack
+from fmus.kit.build import archive, build, build_cached
+from fmus.kit.build.documentation import shown
+from fmus.kit.declare import ParameterDeclaration
+from fmus.kit.errors import UserError
+from orchestration.discrepancy.candidates.candidate import label
+from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.fmu.instance import Fmu
+from orchestration.identify.metrics import Whiteness, whiteness
+
+Array = NDArray[np.float64]
+_SHORTEST = 20  # samples that a test of whiteness needs
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What an FMU says of data that no fit has seen, against the base model's FMU.
+
+    Attributes
+    ----------
+    before, after : dict of str to float
+        Normalised RMS error where nothing was fitted, of the refitted base and of the extended model, by output.
+    whiteness : dict of str to Whiteness or None
+        Of the innovations after, by output; None where too little was measured to tell.
+    base, extended : dict of str to ndarray, shape (n,)
+        Simulated outputs over all of ``unseen.data``, SI.
+    """
+
+    before: dict[str, float]
+    after: dict[str, float]
+    whiteness: dict[str, Whiteness | None]
+    base: dict[str, Array]
+    extended: dict[str, Array]
+
+
+def extended(found: Diagnosis, record: str) -> type[Component]:
+    """Return the best model of a diagnosis as a component whose defaults, start values too, are what was fitted.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    record : str
+        The file that was fitted to; only its name is told.
+
+    Returns
+    -------
+    type[Component]
+        Its remark, and so the FMU's description and documentation, tells what was added and fitted.
+
+    Raises
+    ------
+    UserError
+        If the record does not move any input, so that nothing was found.
+    """
+    if found.verdict == "ambiguous" and not found.selection.steps:
+        raise UserError(f"{record}: {'; '.join(found.notes)}; there is nothing to make an FMU of")
+    best = found.final
+    cls, values = best.candidate.cls, best.problem.start | best.fitted.values
+    defaults = {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters if values[p.name] != p.start}
+    made = stack(cls, name=f"{cls.name}_fitted", defaults=defaults)
+    made.remark = "\n".join(_remarks(found, record, defaults))
+    return made
+
+
+def _allowed(value: float, declared: ParameterDeclaration) -> float:
+    """Round a value into its range: one at an end may have left it when it was searched in its logarithm."""
+    return min(max(float(value), declared.min), declared.max)
+
+
+def _remarks(found: Diagnosis, record: str, defaults: Mapping[str, float]) -> list[str]:
+    """Tell in plain words what a model is made of: one statement to a line."""
+    best, base = found.selection.best.candidate, found.selection.base.candidate.cls.name
+    told = [f"Fitted to {Path(record).name.encode(errors='backslashreplace').decode()}"]
+    told += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
+    if not best.effects:
+        told.append(f"Nothing was added to {base}: only its parameters were fitted")
+    rivals = [e.last for step in found.selection.steps for e in step.rivals]
+    if rivals:
+        told.append(f"On this record it cannot be told apart from {', '.join(rivals)}")
+    if found.verdict == "unexplained":
+        told.append("It does not account for all that the record shows")
+    for p in best.cls.layout.parameters:
+        if p.name in found.estimates:
+            low, high = found.estimates[p.name].interval
+            known = isfinite(low) and isfinite(high)
+            ends = f"95 % interval {shown(low, p)} … {shown(high, p)}" if known else "not determined by the record"
+            told.append(f"{p.name} = {shown(defaults.get(p.name, p.start), p)} ({ends})")
+        elif p.name in defaults:
+            told.append(f"{p.name} = {shown(defaults[p.name], p)} (given, not fitted)")
+    return told
+
+
+def _meaning(effect: type[Effect]) -> str:
+    """What an effect does, and which assumption of the model it relaxes."""
+    words = (effect.__doc__ or "").strip().split("\n")[0].rstrip(".").replace("``", "")
+    relaxed = effect.assumption
+    which = (
+        f"assumption {relaxed} of its documentation" if isinstance(relaxed, int) else f"the assumption that {relaxed}"
+    )
+    return f"{words}; relaxes {which}"
+
+
+def destinations(path: Path, records: Iterable[Path]) -> dict[str, Path]:
+    """Return where each build goes: the native one to ``F.fmu``, the Python one to ``F.python.fmu`` beside it.
+
+    Parameters
+    ----------
+    path : Path
+        ``F.fmu``.
+    records : iterable of Path
+        Files that must not be overwritten.
+
+    Returns
+    -------
+    dict of str to Path
+        By runtime.
+
+    Raises
+    ------
+    UserError
+        If the name is not that of an FMU, or one of them is a record or a folder.
+    """
+    if path.suffix != ".fmu":
+        raise UserError(f"--fmu {path}: the name of an FMU ends in .fmu")
+    places = {"native": path, "python": path.with_suffix(".python.fmu")}
+    kept = [record for record in records if record.exists()]
+    for place in places.values():
+        if place.is_dir():
+            raise UserError(f"--fmu {place}: this is a folder")
+        if place.exists() and any(place.samefile(record) for record in kept):
+            raise UserError(f"--fmu {place}: this is the record itself; it will not be overwritten")
+    return places
+
+
+def export(
+    cls: type[Component],
+    path: Path,
+    records: Iterable[Path] = (),
+    platforms: Sequence[str] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> list[Path]:
+    """Build a component for both runtimes, then write both FMUs.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    path, records
+        See :func:`destinations`.
+    platforms : sequence of str, optional
+        FMI platforms; default is every one that a compiler here can serve.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    list of Path
+        The native FMU and the Python one.
+
+    Raises
+    ------
+    UserError
+        If a destination is refused or cannot be written, or a build fails; then no FMU is left half written.
+    """
+    places = destinations(path, records)
+    contents = {place: build(cls, runtime, platforms, progress) for runtime, place in places.items()}
+    for place, made in contents.items():
+        archive.write(place, made)
+    return list(places.values())
+
+
+def measured_gain(found: Diagnosis, fmu: Path, runtime: str = "native") -> Gain:
+    """Run the extended model's FMU, and that of the refitted base, over the data held out.
+
+    Both run with what was fitted to the other data: the defaults of the extended model's FMU have seen all of them.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    fmu : Path
+        What :func:`export` wrote.
+    runtime : {"native", "python"}
+        Build of the base model.
+
+    Returns
+    -------
+    Gain
+
+    Raises
+    ------
+    UserError
+        If an FMU cannot be run over the data.
+    """
+    unseen, best, base = found.unseen, found.selection.best, found.selection.base
+    set_before = _settable(base.candidate.cls, unseen.values(base))
+    set_after = _settable(best.candidate.cls, unseen.values(best))
+    before = _run(build_cached(base.candidate.cls, runtime), set_before, found)
+    after = _run(fmu, set_after, found)
+    white = {}
+    for output, noise in best.fitted.noise.items():
+        if output in unseen.data.measured:
+            measured = unseen.data.measured[output]
+            present = np.isfinite(measured)
+            present[: unseen.first] = False
+            innovation = noise.whiten((after[output] - measured)[present], present)
+            white[output] = whiteness(innovation) if len(innovation) >= _SHORTEST else None
+    return Gain(unseen.errors(before), unseen.errors(after), white, before, after)
+
+
+def _settable(cls: type[Component], values: Mapping[str, float]) -> dict[str, float]:
+    return {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters}
+
+
+def _run(path: Path, values: Mapping[str, float], found: Diagnosis) -> dict[str, Array]:
+    """Simulate the data held out, from their first sample on."""
+    data = found.unseen.data
+    with Fmu(path, values) as fmu:
+        fmu.start(float(data.time[0]))
+        return fmu.run(data.time, data.inputs, list(data.measured), linear=data.linear)

@@ -1,0 +1,104 @@
+"""What all signals together explain of a residual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import t
+
+from orchestration.discrepancy.residuals.correlation import Explaining
+from orchestration.discrepancy.residuals.operating_regions import SIGNIFICANCE
+from orchestration.identify.noise import estimate
+
+Array = NDArray[np.float64]
+_DRAWS, _FEW_DRAWS = 40, 8  # of noise, to see what a regression explains of it
+_EFFORT = 200_000  # samples in all draws, beyond the fewest
+_LEAD = 1000  # samples until drawn noise has forgotten its start
+_COLOURED = 4  # passes of regression and of estimating the colour of what it leaves
+_FLAT = 1e-9  # relative curvature below which a direction counts as undetermined
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What all signals together explain of a residual.
+
+    Attributes
+    ----------
+    rms : float
+        Of what they take off the residual, in its unit.
+    p_value : float
+        Of so much in a residual that has nothing to do with them.
+    path : ndarray, shape (n,)
+        What they explain, at every sample of the record.
+    """
+
+    rms: float
+    p_value: float
+    path: Array
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance."""
+        return self.p_value < SIGNIFICANCE
+
+
+def explained(residual: Array, present: NDArray[np.bool_], signals: Sequence[Explaining]) -> Explained:
+    """Regress a residual on signals, their squares and cubes.
+
+    Both are whitened by the colour of what the regression leaves: estimated from the residual itself the colour would
+    swallow what there is to explain. A regression takes some of slow noise with it, so how much it explains of noise
+    is seen on noise of the colour of the residual, drawn some times.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (m,)
+    present : ndarray of bool, shape (n,)
+    signals : sequence of Explaining
+
+    Returns
+    -------
+    Explained
+    """
+    columns = _powers([s.values for s in signals])
+    n = residual.size
+    if n < 5 * columns.shape[1] or not np.any(residual):
+        return Explained(0.0, 1.0, np.zeros(present.size))
+    rows = columns[present]
+    score, weights = _regressed(residual, rows, present)
+    noise, random = estimate(residual, present), np.random.default_rng(0)
+    drawn = []
+    for _ in range(max(_FEW_DRAWS, min(_DRAWS, _EFFORT // n))):
+        white = random.standard_normal(n + _LEAD)
+        drawn.append(_regressed(lfilter([1.0], [1.0, *-noise.coefficients], white)[_LEAD:], rows, present)[0])
+    surprise = (score - float(np.mean(drawn))) / float(np.std(drawn, ddof=1))
+    path = columns @ weights
+    # a regression of innovations may follow every move and yet be far from the level
+    taken = float(np.mean(residual**2) - np.mean((residual - path[present]) ** 2))
+    return Explained(float(np.sqrt(max(taken, 0.0))), float(t.sf(surprise, len(drawn) - 1)), path)
+
+
+def _regressed(residual: Array, rows: Array, present: NDArray[np.bool_]) -> tuple[float, Array]:
+    """Logarithm of how much more of the innovations' power a regression explains than it leaves, and its weights."""
+    weights = np.zeros(rows.shape[1])
+    for _ in range(_COLOURED):
+        noise = estimate(residual - rows @ weights, present)
+        white, left = noise.whiten(rows, present), noise.whiten(residual, present)
+        values, directions = np.linalg.eigh(white.T @ white)
+        seen = values > _FLAT * values[-1]
+        inverse = (directions[:, seen] / values[seen]) @ directions[:, seen].T
+        weights = inverse @ (white.T @ left)
+    whole, rest = float(left @ left), float(((left - white @ weights) ** 2).sum())
+    return float(np.log(max(whole - rest, 1e-300) / max(rest, 1e-300))), weights
+
+
+def _powers(signals: Sequence[Array]) -> Array:
+    """A constant, and signals of unit size to the powers one to three."""
+    columns = [np.ones_like(signals[0])] if signals else []
+    for values in signals:
+        centred = (values - values.mean()) / values.std()
+        columns += [centred, centred**2, centred**3]
+    return np.column_stack(columns) if columns else np.empty((0, 0))

@@ -1,0 +1,69 @@
+"""What a fit says of parameters: values with intervals, and which of them differ from nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from orchestration.discrepancy.selection.search import Evidence
+from orchestration.identify.grey_box import Estimate
+
+Array = NDArray[np.float64]
+_FLAT = 1e-12  # relative curvature below which a direction counts as undetermined
+_DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
+_MATTERS = 0.02  # relative difference below which that is not worth a word
+_ABSURD = 30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
+_TOUCHED = 1e-6  # share of a coordinate in a direction of which nothing is known, from which on it is unknown too
+
+
+def estimates(evidence: Evidence) -> dict[str, Estimate]:
+    """Searched parameters by name, with their 95 % intervals, SI."""
+    problem, fitted = evidence.problem, evidence.fitted
+    half = float(norm.ppf(0.975)) * spread(evidence)
+    found = {}
+    for name, scale, q, h in zip(problem.names, problem.scales, fitted.q, half, strict=True):
+        ends = (scale.value(q - h), scale.value(q + h))
+        found[name] = Estimate(fitted.values[name], problem.start[name], ends, problem.declared[name].unit)
+    return found
+
+
+def differing(evidence: Evidence, parameters: Sequence[str]) -> list[str]:
+    """Physical parameters that are surely and noticeably others than nominal."""
+    problem, fitted = evidence.problem, evidence.fitted
+    nominal = problem.position(problem.start)
+    surely = np.abs(fitted.q - nominal) / spread(evidence)
+    chosen = {
+        name: float(surely[i])
+        for i, name in enumerate(problem.names)
+        if name in parameters and not name.endswith("_start") and surely[i] > _DIFFERS
+        and abs(fitted.q[i] - nominal[i]) > _MATTERS
+    }  # fmt: skip
+    return sorted(chosen, key=lambda name: -chosen[name])
+
+
+def absurd(found: dict[str, Estimate], parameters: Sequence[str]) -> list[str]:
+    """Of some parameters, those that no specimen can have, with how many times nominal they are."""
+    times = {n: found[n].value / found[n].nominal for n in parameters if found[n].nominal and not n.endswith("_start")}
+    return [f"{name} times {x:.3g}" for name, x in times.items() if x > 0.0 and not 1.0 / _ABSURD < x < _ABSURD]
+
+
+def spread(evidence: Evidence) -> Array:
+    """Return the standard errors of the searched coordinates; infinite where nothing is known of them.
+
+    What is believed counts, so that parameters of which the record tells a combination only, such as a ratio, are as
+    uncertain as they are.
+    """
+    fitted = evidence.fitted
+    known = fitted.information + np.diag(fitted.belief)
+    scale = np.sqrt(np.diag(known))
+    seen = np.flatnonzero(scale > 0.0)
+    size, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen]))
+    with np.errstate(divide="ignore", invalid="ignore"):  # what is unknown, times nothing, is nothing
+        variance = np.where(size > _FLAT, 1.0 / size, np.inf)
+        parts = np.where(np.abs(directions) > _TOUCHED, directions**2 * variance, 0.0)
+    spread = np.full(len(fitted.q), np.inf)
+    spread[seen] = np.sqrt(parts.sum(axis=1)) / scale[seen]
+    return spread

@@ -1,0 +1,290 @@
+"""What an experiment leaves: signals with units and names over time, and everything it takes to make it again.
+
+In memory an :class:`xarray.Dataset`; as a file NetCDF (``.nc``), Parquet or CSV. CSV is a record like a measured one
+and holds the numbers only.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+
+from fmus.kit import units
+from fmus.kit.build import archive
+from fmus.kit.errors import UserError
+from orchestration.fmu.signal import Signal
+from orchestration.records import write_record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+FORMATS = (".nc", ".csv", ".parquet")
+_MOST_PANELS = 16  # more in one picture are not looked at
+_ABOUT = b"ppy_rig"  # key of the metadata in a Parquet file
+
+
+def dataset(
+    time: Array,
+    values: Mapping[str, Array],
+    signals: Mapping[str, Signal],
+    inputs: Collection[str],
+    about: Mapping[str, Any],
+) -> xarray.Dataset:
+    """Gather results.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    values : Mapping of str to ndarray, shape (n,)
+        In the FMU's units.
+    signals : Mapping of str to Signal
+        What the values are of.
+    inputs : collection of str
+        Which of them are inputs, and so held from point to point.
+    about : Mapping
+        Attributes of the dataset: numbers and texts.
+    """
+    variables = {
+        name: ("time", array, {
+            "units": signals[name].unit, "long_name": signals[name].doc or name,
+            "display_units": signals[name].display, "role": "input" if name in inputs else "output",
+        })
+        for name, array in values.items()
+    }  # fmt: skip
+    clock = {"time": ("time", time, {"units": "s", "long_name": "time"})}
+    return xarray.Dataset(variables, clock, dict(about))
+
+
+def check_format(path: Path) -> None:
+    """Refuse a name whose ending tells no format; UserError."""
+    if path.suffix.lower() not in FORMATS:
+        raise UserError(f"--out {path}: its name must end in {', '.join(FORMATS)}, not {path.suffix or 'nothing'!r}")
+
+
+def check(sketch: xarray.Dataset, path: Path) -> None:
+    """Refuse what a file's format cannot hold, by writing results of a single point somewhere else.
+
+    Raises
+    ------
+    UserError
+        Name and format.
+    """
+    with tempfile.TemporaryDirectory(prefix="ppy-check-") as folder:
+        _write(sketch, Path(folder) / f"sketch{path.suffix}", str(path))
+
+
+def write(data: xarray.Dataset, path: Path) -> None:
+    """Write results, whole or not at all, in the format of the file's ending.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written, the ending is no format, or the format does not allow a name.
+    """
+    check_format(path)
+    _write(data, path, str(path))
+
+
+def _write(data: xarray.Dataset, path: Path, called: str) -> None:
+    kind = path.suffix.lower()
+    if kind == ".nc":
+        try:
+            content = bytes(data.to_netcdf(engine="scipy"))
+        except UnicodeEncodeError as error:
+            raise UserError(f"{called}: {error.object!r} cannot be a name in NetCDF 3; write .parquet") from error
+        except ValueError as error:
+            raise UserError(f"{called}: {error}; write .parquet") from error
+        archive.write(path, content)
+    elif kind == ".parquet":
+        archive.write(path, _parquet(data, called))
+    else:
+        columns = {str(name): array.values for name, array in data.items()}
+        try:
+            write_record(path, data.time.values, columns, {str(name): array.units for name, array in data.items()})
+        except UserError:
+            raise
+        except ValueError as error:
+            raise UserError(f"{called}: {error} in a CSV header; write .nc or .parquet") from error
+
+
+def _parquet(data: xarray.Dataset, called: str) -> bytes:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise UserError(f"{called}: writing Parquet needs pyarrow: pip install 'ppy-rig[records]'") from None
+    whole = {"time": data.time, **data}
+    table = pyarrow.table({f"{name} [{array.units}]": array.values for name, array in whole.items()})
+    about = {"attributes": data.attrs, "variables": {str(name): array.attrs for name, array in whole.items()}}
+    buffer = io.BytesIO()
+    parquet.write_table(table.replace_schema_metadata({_ABOUT: json.dumps(about).encode()}), buffer)
+    return buffer.getvalue()
+
+
+def read(path: Path) -> xarray.Dataset:
+    """Read results that hold their experiment.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or is no such result.
+    """
+    try:
+        content = path.read_bytes()
+        if content.startswith(b"PAR1"):
+            data = _from_parquet(content)
+        else:
+            data = xarray.load_dataset(io.BytesIO(content), engine="scipy", decode_times=False)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except Exception as error:  # the libraries raise whatever a foreign or damaged file trips
+        raise UserError(f"{path}: not a result of ppy run, or damaged (.nc and .parquet hold an experiment)") from error
+    if "experiment" not in data.attrs:
+        raise UserError(f"{path}: holds no experiment; only results of ppy run do")
+    return data
+
+
+def _from_parquet(content: bytes) -> xarray.Dataset:
+    from pyarrow import parquet
+
+    table = parquet.read_table(io.BytesIO(content))
+    about = json.loads(table.schema.metadata[_ABOUT])
+    columns = {name: table[f"{name} [{a['units']}]"].to_numpy() for name, a in about["variables"].items()}
+    variables = {name: ("time", columns[name], a) for name, a in about["variables"].items()}
+    return xarray.Dataset(variables, attrs=about["attributes"]).set_coords("time")
+
+
+def differences(new: xarray.Dataset, old: xarray.Dataset) -> dict[str, float]:
+    """Signals that are not the same to the last bit, as far as both go, and the largest difference of each.
+
+    Returns
+    -------
+    dict of str to float
+        In the signal's unit; infinite for a signal that only one of the two has.
+    """
+    count = min(new.time.size, old.time.size)
+    found = {}
+    for name in dict.fromkeys(["time", *new, *old]):
+        if name not in new.variables or name not in old.variables:
+            found[str(name)] = np.inf
+            continue
+        one, other = (np.asarray(d[name].values[:count], dtype="<f8") for d in (new, old))
+        if one.tobytes() != other.tobytes():
+            found[str(name)] = float(np.max(np.abs(one - other)))
+    return found
+
+
+# --- pictures and the page --------------------------------------------------------------------------------------------
+
+
+def state(data: xarray.Dataset) -> str:
+    """Say in a sentence what was run and whether it came to its end."""
+    last, whole = float(data.time[-1]), float(data.attrs["duration"])
+    reached = f"{whole:g} s" if data.attrs["complete"] else f"incomplete, {last:g} s of {whole:g} s"
+    return f"{data.attrs['subject']}: {data.time.size} points, {reached}"
+
+
+def figure(data: xarray.Dataset) -> Figure:
+    """Draw every signal over time, or over the signal that the experiment names, in display units."""
+    from orchestration.reporting import pictures
+
+    over = data.attrs["over"]
+    names = [name for name in data if name != over][:_MOST_PANELS]
+    title = data.attrs["title"] + ("" if data.attrs["complete"] else " (incomplete)")
+    drawn, panels = pictures.panels(max(1, len(names)), title)
+    across, unit = _displayed(data, over)
+    for panel, name in zip(panels, names, strict=False):
+        held = data[name].role == "input" and over == "time"
+        values, own = _displayed(data, str(name))
+        panel.plot(across, values, color=pictures.MODEL, drawstyle="steps-post" if held else "default")
+        pictures.label(panel, str(name), own)
+    panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
+    return drawn
+
+
+def _displayed(data: xarray.Dataset, name: str) -> tuple[Array, str]:
+    array = data[name]
+    unit = array.attrs.get("display_units", array.units)
+    return units.convert(array.values, array.units, unit), unit
+
+
+def plot(data: xarray.Dataset, path: Path) -> None:
+    """Write a picture, or a page with one if the name ends in ``.html``.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written, or the ending is no picture format.
+    """
+    from orchestration.reporting import pictures
+
+    if path.suffix.lower() == ".html":
+        page(data, path)
+    else:
+        pictures.save(figure(data), path)
+
+
+def extremes(data: xarray.Dataset) -> list[tuple[str, ...]]:
+    """Name, smallest, largest and last value of every signal, as people read them."""
+    rows = []
+    for name in data:
+        values, unit = _displayed(data, str(name))
+        texts = (f"{x:.6g}" + ("" if unit == "1" else f" {unit}") for x in (values.min(), values.max(), values[-1]))
+        rows.append((str(name), *texts))
+    return rows
+
+
+def page(data: xarray.Dataset, path: Path) -> None:
+    """Write one page: what was run, how, the picture, the figures.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written.
+    """
+    from orchestration.reporting import pictures
+    from orchestration.reporting.page import Page
+
+    about = data.attrs
+    made = Page(about["title"], state(data))
+    if about["source"]:
+        made.text(about["source"])
+    with tempfile.TemporaryDirectory(prefix="ppy-page-") as folder:
+        picture = Path(folder) / "signals.png"
+        pictures.save(figure(data), picture)
+        shown = min(len(data), _MOST_PANELS)
+        more = f" (the first {shown} of {len(data)})" if shown < len(data) else ""
+        made.picture(picture, f"inputs and recorded outputs{more}")
+    made.heading("Signals")
+    meanings = {str(name): array.long_name for name, array in data.items()}
+    made.table(
+        ("signal", "smallest", "largest", "last", "meaning"),
+        [(*row, meanings[row[0]]) for row in extremes(data)],
+    )  # fmt: skip
+    made.heading("Parameters that were set")
+    parameters = json.loads(about["parameters"])
+    if parameters:
+        made.table(("parameter", "value"), [(name, value) for name, value in parameters.items()])
+    else:
+        made.text("None: every parameter has its default.")
+    made.heading("How")
+    master = json.loads(about["experiment"]).get("master", {})
+    made.items([
+        f"step {about['step']:g} s, {about['runtime']} build, seed {about['seed']}",
+        *(f"{key}: {value}" for key, value in master.items()),
+        f"{about['wall_time']:.3g} s of computing, {about['created']}, {about['versions']}",
+        *(f"{name}: {guid}" for name, guid in json.loads(about["guids"]).items()),
+    ])  # fmt: skip
+    made.heading("The experiment")
+    made.code(json.dumps(json.loads(about["experiment"]), indent=2, ensure_ascii=False).splitlines())
+    made.write(path)

@@ -1,0 +1,40 @@
+"""The static part of the FMU contract, checked on any FMI 2.0 FMU without running it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from orchestration.fmu.archive import Archive
+from orchestration.fmu.check.archive import check_archive
+from orchestration.fmu.check.binaries import check_binaries
+from orchestration.fmu.check.description import check_description
+from orchestration.fmu.check.finding import SEVERITIES, Finding
+
+__all__ = ["Finding", "check_fmu"]
+
+
+def check_fmu(path: Path) -> list[Finding]:
+    """Check an FMU, ours or anybody's.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.fmu`` file.
+
+    Returns
+    -------
+    list of Finding
+        Errors first, then warnings, then notes; in each by line of the contract.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, no zip archive, no FMU, or not of FMI 2.0.
+    """
+    with Archive(Path(path)) as archive:
+        findings = [
+            *check_description(archive.path, archive.description),
+            *check_archive(archive),
+            *check_binaries(archive),
+        ]
+    return sorted(findings, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line))

@@ -1,0 +1,91 @@
+"""The archive of an FMU: what must be in it besides binaries."""
+
+from __future__ import annotations
+
+import re
+import uuid
+import zipfile
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+
+from orchestration.fmu.archive import Archive
+from orchestration.fmu.check.finding import Finding, listed
+
+
+def check_archive(archive: Archive) -> Iterator[Finding]:
+    """Check paths, integrity, identity, documentation, licences and sources.
+
+    Yields
+    ------
+    Finding
+    """
+    yield from _form(archive)
+    yield from _identity(archive)
+    yield from _documents(archive)
+    yield from _sources(archive)
+
+
+def _form(archive: Archive) -> Iterator[Finding]:
+    seen: set[str] = set()
+    for entry in archive.entries():
+        name = entry.orig_filename
+        parts = PurePosixPath(name).parts
+        if name.startswith("/") or ".." in parts or re.match(r"[A-Za-z]:", name):
+            yield Finding(10, "error", f"{name!r} leads out of the folder the FMU is unzipped to")
+        if name in seen:
+            yield Finding(10, "error", f"{name!r} is twice in the archive")
+        seen.add(name)
+        if name.endswith("/"):
+            continue
+        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            yield Finding(10, "warning", f"{name!r} is compressed by a method many hosts lack; deflate is for all")
+        if archive.read(entry.filename) is None:
+            yield Finding(10, "error", f"{name!r} is damaged, encrypted or cannot be unpacked")
+
+
+def _identity(archive: Archive) -> Iterator[Finding]:
+    guid = archive.description.get("guid", "")
+    if not guid.strip():
+        yield Finding(3, "error", "the GUID is empty")
+    elif not re.fullmatch(r"\{?[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\}?", guid):
+        yield Finding(3, "note", f"the GUID {guid!r} has not the form of a UUID")
+    elif (version := uuid.UUID(guid).version) in (1, 4, 6, 7):
+        origin = "at random" if version == 4 else "from the clock"
+        yield Finding(3, "warning", f"the GUID {guid} is made {origin}, not from the contents: no two builds agree")
+    if made := archive.description.get("generationDateAndTime"):
+        yield Finding(3, "warning", f"generationDateAndTime is {made}: no two builds are the same bytes")
+    times = sorted({entry.date_time for entry in archive.entries()})
+    if len(times) > 1:
+        first, last = ("{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time) for time in (times[0], times[-1]))
+        yield Finding(3, "warning", f"files carry times from {first} to {last}: no two builds are the same bytes")
+
+
+def _documents(archive: Archive) -> Iterator[Finding]:
+    names = set(archive.names)
+    if not names & {"documentation/index.html", "documentation/_main.html"}:
+        yield Finding(10, "warning", "no documentation (documentation/index.html)")
+    if "model.png" not in names:
+        yield Finding(10, "note", "no icon (model.png)")
+    if not any(name.startswith("documentation/licenses/") for name in names):
+        yield Finding(10, "warning", "no licence (documentation/licenses/)")
+    if not any(name.startswith("extra/org.fmi-standard.fmi-ls-ref/") for name in names):
+        yield Finding(10, "note", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)")
+    told = names & {"documentation/externalDependencies.txt", "documentation/externalDependencies.html"}
+    needed = any(element.get("needsExecutionTool") in ("true", "1") for element in archive.interfaces())
+    if needed and not told:
+        yield Finding(
+            10, "warning", "needsExecutionTool is true, but documentation/externalDependencies.txt does not say which"
+        )
+    if told and not needed:
+        yield Finding(10, "warning", f"needsExecutionTool is false, but there is {sorted(told)[0]}")
+
+
+def _sources(archive: Archive) -> Iterator[Finding]:
+    for element in archive.interfaces():
+        files = [node.get("name", "") for node in element.iterfind("SourceFiles/File")]
+        if absent := [name for name in files if f"sources/{name}" not in archive.names]:
+            yield Finding(10, "error", f"{element.tag}: source files listed but not in sources/: {listed(absent)}")
+    if any(name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names) and not any(
+        element.find("SourceFiles") is not None for element in archive.interfaces()
+    ):
+        yield Finding(10, "warning", "there are sources/, but SourceFiles lists none: nobody can compile them")

@@ -1,0 +1,189 @@
+"""``modelDescription.xml`` beyond its schema: structure, units, descriptions, ranges, capabilities."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from orchestration.fmu.check.finding import Finding, listed
+
+_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+_BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+def check_description(path: Path, root: Element) -> Iterator[Finding]:
+    """Check the model description.
+
+    Parameters
+    ----------
+    path : Path
+        The FMU, for fmpy's own validation.
+    root : Element
+        Its ``fmiModelDescription``.
+
+    Yields
+    ------
+    Finding
+    """
+    for problem in _fmpy_problems(path):
+        yield Finding(1, "error", problem)
+    yield from _structure(root)
+    yield from _units(root)
+    yield from _descriptions(root)
+    yield from _ranges(root)
+    yield from _capabilities(root)
+
+
+def _fmpy_problems(path: Path) -> list[str]:
+    from fmpy.validation import validate_fmu
+
+    return [" ".join(str(problem).split()) for problem in validate_fmu(str(path))]
+
+
+def _variables(root: Element) -> Iterator[tuple[Element, Element, dict[str, str]]]:
+    """Yield every variable, its type element, and the attributes of that with those of its declared type."""
+    types = {node.get("name", ""): node[0] for node in root.iterfind("TypeDefinitions/SimpleType") if len(node)}
+    for variable in root.iterfind("ModelVariables/ScalarVariable"):
+        for node in variable:
+            if node.tag in _TYPES:
+                declared = types.get(node.get("declaredType", ""))
+                yield variable, node, ({} if declared is None else dict(declared.attrib)) | dict(node.attrib)
+                break
+
+
+def _structure(root: Element) -> Iterator[Finding]:
+    names = [variable.get("name", "") for variable in root.iterfind("ModelVariables/ScalarVariable")]
+    for section in ("Outputs", "Derivatives", "InitialUnknowns"):
+        silent = [
+            _named(names, unknown)
+            for unknown in root.iterfind(f"ModelStructure/{section}/Unknown")
+            if unknown.get("dependencies") is None
+        ]
+        if silent:
+            yield Finding(
+                1, "warning",
+                f"ModelStructure/{section}: no dependencies, so hosts must assume all, for {listed(silent)}",
+            )  # fmt: skip
+
+
+def _named(names: list[str], unknown: Element) -> str:
+    index = unknown.get("index", "")
+    inside = index.isdecimal() and 1 <= int(index) <= len(names)
+    return names[int(index) - 1] if inside else f"(index {index})"
+
+
+# --- units ----------------------------------------------------------------------------------------------------------
+
+
+def _units(root: Element) -> Iterator[Finding]:
+    units = list(root.iterfind("UnitDefinitions/Unit"))
+    bare = [
+        variable.get("name", "")
+        for variable, node, attributes in _variables(root)
+        if node.tag == "Real" and not attributes.get("unit")
+    ]
+    if not units:
+        yield Finding(2, "warning", "there are no UnitDefinitions")
+    if bare:
+        yield Finding(2, "warning", f"no unit for {listed(bare)}")
+    for unit in units:
+        name = unit.get("name", "")
+        base = unit.find("BaseUnit")
+        if base is None:
+            yield Finding(2, "warning", f"unit {name!r} has no BaseUnit: hosts cannot convert it")
+            continue
+        for attribute in _BASE_UNITS:
+            if not re.fullmatch(r"\s*[+-]?\d+\s*", base.get(attribute, "0")):
+                yield Finding(
+                    2, "error", f"unit {name!r}: exponent {attribute}={base.get(attribute)!r}, expected an integer"
+                )
+        for node, label in [(base, f"unit {name!r}")] + [
+            (display, f"display unit {display.get('name', '')!r} of {name!r}")
+            for display in unit.iterfind("DisplayUnit")
+        ]:
+            factor, offset = _number(node, "factor", 1.0), _number(node, "offset", 0.0)
+            if factor is None or factor == 0.0 or not math.isfinite(factor):
+                yield Finding(2, "error", f"{label}: factor={node.get('factor')!r}, expected a finite number but 0")
+            if offset is None or not math.isfinite(offset):
+                yield Finding(2, "error", f"{label}: offset={node.get('offset')!r}, expected a finite number")
+
+
+def _number(node: Element | Mapping[str, str], attribute: str, default: float | None = None) -> float | None:
+    """Value of an attribute; None if it is no number."""
+    text = node.get(attribute)
+    if text is None:
+        return default
+    try:
+        return float({"INF": "inf", "-INF": "-inf"}.get(text.strip(), text))
+    except ValueError:
+        return None
+
+
+# --- descriptions and ranges ----------------------------------------------------------------------------------------
+
+
+def _descriptions(root: Element) -> Iterator[Finding]:
+    if not root.get("description", "").strip():
+        yield Finding(2, "warning", "the model has no description")
+    bare = [
+        variable.get("name", "")
+        for variable in root.iterfind("ModelVariables/ScalarVariable")
+        if not variable.get("description", "").strip()
+    ]
+    if bare:
+        yield Finding(2, "warning", f"no description for {listed(bare)}")
+
+
+def _ranges(root: Element) -> Iterator[Finding]:
+    unlimited = []
+    for variable, node, attributes in _variables(root):
+        name = variable.get("name", "")
+        low, high = _number(attributes, "min"), _number(attributes, "max")
+        start, nominal = _number(attributes, "start"), _number(attributes, "nominal", 1.0)
+        if low is not None and high is not None and low > high:
+            yield Finding(2, "error", f"{name}: min = {low:g} is above max = {high:g}")
+        elif start is not None and node.tag != "Boolean":
+            if not math.isfinite(start):
+                yield Finding(2, "error", f"{name}: start = {start} is not finite")
+            elif (low is not None and start < low) or (high is not None and start > high):
+                limits = f"{'-inf' if low is None else f'{low:g}'} to {'inf' if high is None else f'{high:g}'}"
+                yield Finding(2, "error", f"{name}: start = {start:g} is outside of its range, {limits}")
+        if nominal is not None and not 0.0 < nominal < math.inf:
+            yield Finding(2, "error", f"{name}: nominal = {nominal:g}, expected a positive number")
+        if variable.get("causality") == "parameter" and node.tag in ("Real", "Integer") and low is high is None:
+            unlimited.append(name)
+    if unlimited:
+        yield Finding(2, "note", f"no range (min, max) for the parameters {listed(unlimited)}")
+
+
+# --- capabilities ---------------------------------------------------------------------------------------------------
+
+
+def _capabilities(root: Element) -> Iterator[Finding]:
+    interface = root.find("CoSimulation")
+    if interface is None:
+        yield Finding(1, "error", "not for co-simulation: there is no element CoSimulation")
+        return
+    identifier = interface.get("modelIdentifier", "")
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier):
+        yield Finding(1, "error", f"modelIdentifier {identifier!r} is no identifier of C")
+
+    def can(name: str) -> bool:
+        return interface is not None and interface.get(name, "false").strip() in ("true", "1")
+
+    for name in ("canGetAndSetFMUstate", "canSerializeFMUstate"):
+        if not can(name):
+            yield Finding(5, "warning", f"{name} is false: hosts cannot repeat a step or store the state")
+    if can("canBeInstantiatedOnlyOncePerProcess"):
+        yield Finding(6, "warning", "canBeInstantiatedOnlyOncePerProcess is true: no two instances in one process")
+    if not can("canHandleVariableCommunicationStepSize"):
+        yield Finding(8, "warning", "canHandleVariableCommunicationStepSize is false: steps must be of one size")
+    if not can("needsExecutionTool") and not can("providesDirectionalDerivative"):
+        yield Finding(11, "note", "providesDirectionalDerivative is false")
+    if root.find("LogCategories") is None:
+        yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
+    if root.find("DefaultExperiment") is None:
+        yield Finding(10, "note", "there is no DefaultExperiment: users must guess stop time and step size")

@@ -1,0 +1,404 @@
+"""Running one co-simulation FMU, anybody's: open it, feed it, read it; every failure is one readable line."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import fmpy
+import fmpy.fmi2 as fmi2
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.archive import Archive, first_line, read_description
+from orchestration.fmu.calls import Transfer, bind, transfers
+from orchestration.fmu.log import MessageLog
+from orchestration.fmu.signal import check_type
+
+Array = NDArray[np.float64]
+_STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
+
+
+def unpack(path: Path) -> str:
+    """Unzip an FMU into a new temporary folder, which the caller removes.
+
+    Raises
+    ------
+    UserError
+        If it holds nothing that runs on this machine, or cannot be unzipped.
+    """
+    with Archive(path) as archive:
+        if fmpy.platform not in archive.platforms:
+            there = ", ".join(archive.platforms) or "none"
+            raise UserError(f"{path}: no binary for {fmpy.platform}; it has {there}")
+    folder = tempfile.mkdtemp(prefix="ppy-fmu-")
+    try:
+        fmpy.extract(str(path), folder)
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if not isinstance(error, Exception):
+            raise
+        raise UserError(f"{path}: cannot be loaded ({first_line(error)})") from error
+    return folder
+
+
+class Fmu:
+    """One instance of an FMU; a context manager that frees it and removes its unzipped folder.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.fmu`` file.
+    parameters : Mapping[str, float], optional
+        Start values by name, in the FMU's units.
+    name : str, optional
+        Of the instance; default the model's.
+    folder : str, optional
+        Where it is unzipped already, for several instances; it stays.
+
+    Raises
+    ------
+    UserError
+        If it cannot be opened on this machine, refuses to start, or has no variable of a given name.
+
+    Attributes
+    ----------
+    description : fmpy.model_description.ModelDescription
+    variables : dict
+        Scalar variables by name.
+    warnings : int
+        How many calls ended with a warning.
+    corrupted : bool
+        Whether one ended as fatal: it must not be called again.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        parameters: Mapping[str, float] | None = None,
+        name: str | None = None,
+        folder: str | None = None,
+    ):
+        self.path = path
+        self.parameters = dict(parameters or {})
+        self.description = read_description(path)
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        self.name = name or self.description.modelName
+        self._log = MessageLog()
+        self._shared, self._folder = folder, folder
+        self._slave: Any = None
+        self.warnings = 0
+        self.corrupted = False
+
+    @property
+    def messages(self) -> list[str]:
+        """What the FMU logged, warnings and worse, newest last."""
+        return self._log.messages
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+        return [v.name for v in self.description.modelVariables if v.causality == "input"]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of the outputs."""
+        return [v.name for v in self.description.modelVariables if v.causality == "output"]
+
+    def __enter__(self) -> Fmu:
+        try:
+            self._folder = self._shared or unpack(self.path)
+            self._instantiate()
+        except BaseException as error:
+            self.close()
+            if isinstance(error, UserError) or not isinstance(error, Exception):
+                raise
+            reason = self._log.last(otherwise=first_line(error))
+            raise UserError(f"{self.path}: cannot be loaded ({reason})") from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _instantiate(self) -> None:
+        here = Path.cwd()
+        try:
+            self._slave = fmi2.FMU2Slave(
+                guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.name,
+                modelIdentifier=self.description.coSimulation.modelIdentifier,
+            )  # fmt: skip
+        finally:
+            os.chdir(here)  # where loading fails, fmpy leaves the process in the unzipped folder
+        self._slave.instantiate(callbacks=self._log.callbacks)
+        self._do_step = bind(self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int)
+
+    def start(self, time: float = 0.0, stop: float | None = None) -> None:
+        """Set the parameters and initialize.
+
+        Parameters
+        ----------
+        time, stop : float
+            Start time, and stop time if there is one, in seconds.
+
+        Raises
+        ------
+        UserError
+            With the FMU's own message if it refuses.
+        """
+        self.enter_initialization(time, stop)
+        self.exit_initialization()
+
+    def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
+        """Do the first part of `start`; until `exit_initialization`, inputs and outputs can be exchanged."""
+        self._checked("setup", self._slave.setupExperiment, None, time, stop)
+        for name in self.parameters:
+            role = self._variable(name).causality or "local"
+            if role not in ("parameter", "input"):
+                raise UserError(f"{self.path.name}: {name} is {role}, only parameters and inputs can be set")
+            self.writer([name])(np.array([self.parameters[name]]))
+        self._checked("initialization", self._slave.enterInitializationMode)
+
+    def exit_initialization(self) -> None:
+        """Do the second part of `start`."""
+        self._checked("initialization", self._slave.exitInitializationMode)
+
+    def bound(self, function: str, *arguments: Any) -> Callable[[], int]:
+        """Return a call of an FMI function of this instance that costs as little as Python can make it.
+
+        Parameters
+        ----------
+        function : str
+            Name in the FMI standard.
+        *arguments
+            All arguments but the component: ctypes objects of exactly the right types, whose values are read anew at
+            each call. Nothing is converted or checked.
+
+        Returns
+        -------
+        callable
+            Returns the FMI status, which `failed` tells in words.
+
+        Raises
+        ------
+        UserError
+            If the FMU lacks the function.
+        """
+        try:
+            found = self._slave.dll[function]  # a new object each time, without types to convert to
+        except AttributeError as error:
+            raise UserError(f"{self.path.name}: its library lacks the function {function}") from error
+        return partial(found, ctypes.c_void_p(self._slave.component), *arguments)
+
+    def _variable(self, name: str) -> Any:
+        if name not in self.variables:
+            raise UserError(f"{self.path.name}: no variable named {name!r}{suggestion(name, self.variables)}")
+        return self.variables[name]
+
+    def _checked(self, doing: str, call: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            result = call(*arguments)
+            self.warnings += result == fmi2.fmi2Warning
+            return result
+        except Exception as error:
+            self.corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
+            reason = self._log.last(otherwise=first_line(error))
+            raise UserError(f"{self.path.name}: {doing} failed: {reason}") from error
+
+    def run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        outputs: Sequence[str] | None = None,
+        progress: Callable[[int], None] = lambda done: None,
+        linear: bool = False,
+    ) -> dict[str, Array]:
+        """Simulate over given communication points, from a started instance.
+
+        Inputs are set at every point and held until the next, or go there linearly; outputs are read at every point
+        *after* its inputs are set, so that a direct feedthrough shows at once.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Communication points in seconds, increasing.
+        inputs : Mapping[str, ndarray]
+            Values of shape (n,) by input name, in the FMU's units.
+        outputs : sequence of str, optional
+            Which variables to read; default every output.
+        progress : callable
+            Told the number of points done, now and then.
+        linear : bool
+            Whether inputs go linearly from point to point, which the FMU must be able to do.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n,)
+
+        Raises
+        ------
+        UserError
+            If a step fails or is discarded, with the time and the FMU's message; nothing shorter is returned.
+        """
+        names = list(self.outputs if outputs is None else outputs)
+        for name in inputs:
+            if self._variable(name).causality != "input":
+                inputs_are = ", ".join(self.inputs) or "none"
+                raise UserError(f"{self.path.name}: {name} is not an input; inputs are {inputs_are}")
+        feed, read = self.writer(list(inputs)), self.reader(names)
+        references = [self._variable(name).valueReference for name in inputs]
+        table = np.column_stack([np.zeros(len(time)), *inputs.values()])[:, 1:]  # there may be no inputs
+        result = np.full((len(time), len(names)), np.nan)
+        every = max(1, len(time) // 200)
+        points = time.tolist()
+        for k, now in enumerate(points):
+            if k > 0:
+                if linear:
+                    slopes = (table[k] - table[k - 1]) / (now - points[k - 1])
+                    self._slave.setRealInputDerivatives(references, [1] * len(references), slopes.tolist())
+                self.step(points[k - 1], now - points[k - 1])
+            try:
+                feed(table[k])
+                read(result[k])
+            except UserError as error:
+                raise UserError(f"{error} (at {now:g} s)") from error
+            if k % every == 0:
+                progress(k)
+        progress(len(time))
+        return {name: result[:, i] for i, name in enumerate(names)}
+
+    def step(self, time: float, size: float) -> None:
+        """Make a communication step.
+
+        Parameters
+        ----------
+        time, size : float
+            Where it begins and how long it is, in seconds.
+
+        Raises
+        ------
+        UserError
+            If the FMU fails or discards it, with the FMU's message.
+        """
+        status = self._do_step(self._slave.component, time, size, 1)
+        if status > fmi2.fmi2Warning:
+            raise self.failed(f"step from {time:g} s", status)
+        self.warnings += status
+
+    def save(self) -> Any:
+        """Return a copy of the whole state, to `restore` any number of times and to `release` in the end.
+
+        Raises
+        ------
+        UserError
+            If the FMU cannot.
+        """
+        if self.description.coSimulation.canGetAndSetFMUstate:
+            return self._checked("saving the state", self._slave.getFMUstate)
+        raise UserError(f"{self.path.name}: cannot save its state (canGetAndSetFMUstate is false)")
+
+    def restore(self, state: Any) -> None:
+        """Go back to a saved state; UserError if the FMU refuses."""
+        self._checked("restoring a state", self._slave.setFMUstate, state)
+
+    def release(self, state: Any) -> None:
+        """Free a saved state; UserError if the FMU refuses."""
+        self._checked("releasing a state", self._slave.freeFMUstate, state)
+
+    def writer(self, names: Sequence[str]) -> Callable[[Array], None]:
+        """Return a function that sets variables to a row of numbers, one for each name.
+
+        Parameters
+        ----------
+        names : sequence of str
+
+        Returns
+        -------
+        callable
+            Takes an array of shape (n,); UserError if the FMU refuses, or a type cannot hold its value.
+        """
+        prepared = self._transfers("Set", names)
+
+        def write(row: Array) -> None:
+            for call, kind, own, where, references, values in prepared:
+                chosen = row[where].tolist()
+                if kind != "real":
+                    for name, value in zip(own, chosen, strict=True):
+                        check_type(kind, value, f"{self.path.name}: {name}")
+                    chosen = [int(value) for value in chosen]
+                values[:] = chosen
+                status = call(self._slave.component, references, len(values), values)
+                if status > fmi2.fmi2Warning:
+                    raise self.failed(f"setting {', '.join(names)}", status)
+                self.warnings += status
+
+        return write
+
+    def reader(self, names: Sequence[str]) -> Callable[[Array], None]:
+        """Return a function that fills a row of numbers with the values of variables.
+
+        Parameters
+        ----------
+        names : sequence of str
+
+        Returns
+        -------
+        callable
+            Takes an array of shape (n,); UserError if the FMU refuses.
+        """
+        prepared = self._transfers("Get", names)
+
+        def read(row: Array) -> None:
+            for call, _, _, where, references, values in prepared:
+                status = call(self._slave.component, references, len(values), values)
+                if status > fmi2.fmi2Warning:
+                    raise self.failed(f"reading {', '.join(names)}", status)
+                self.warnings += status
+                row[where] = values[:]
+
+        return read
+
+    def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
+        return transfers(self._slave.dll, verb, names, {name: self._variable(name) for name in names})
+
+    def failed(self, doing: str, status: int, remark: str = "") -> UserError:
+        """Tell what a status worse than a warning means; after `fatal` the instance is never called again.
+
+        Parameters
+        ----------
+        doing : str
+            What it was asked to do.
+        status : int
+            What it returned.
+        remark : str
+            More about it.
+
+        Returns
+        -------
+        UserError
+        """
+        self.corrupted |= status == fmi2.fmi2Fatal
+        returned = dict(enumerate(_STATUS)).get(status, f"status {status}")
+        return UserError(f"{self.path.name}: {doing} failed ({returned}{remark}): {self._log.last('no message')}")
+
+    def close(self) -> None:
+        """Free the instance, unless it is corrupted, and remove the unzipped folder."""
+        if self.corrupted:
+            self._slave = None  # freeing it, or unloading its library, may crash the process
+        if self._slave is not None:
+            if getattr(self._slave, "component", None) is not None:
+                self._slave.fmi2FreeInstance(self._slave.component)
+            self._slave.freeLibrary()
+            self._slave = None
+        if self._folder is not None and self._folder != self._shared:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder = self._shared

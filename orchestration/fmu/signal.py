@@ -1,0 +1,134 @@
+"""A variable of an FMU as a user meets it."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from fmus.kit import units
+from fmus.kit.build.documentation import allowed, shown
+from fmus.kit.errors import UserError
+
+_QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
+_WORDS = {"true": 1.0, "false": 0.0}
+_LARGEST = 2**31 - 1  # integers of FMI 2.0 have 32 bits
+
+
+@dataclass
+class Signal:
+    """A variable; `fmus.kit.build.documentation.shown` and `allowed` write its values and its range.
+
+    Attributes
+    ----------
+    name : str
+    type : {"real", "integer", "boolean"}
+    unit : str
+        The FMU's; ``"1"`` where it declares none.
+    display : str
+        Unit that people prefer to read.
+    start : float
+        Start value, for inputs and parameters.
+    min, max : float
+        Allowed range.
+    doc : str
+        What it is, in words.
+    """
+
+    name: str
+    type: str
+    unit: str
+    display: str
+    start: float
+    min: float
+    max: float
+    doc: str = ""
+
+
+def read_signal(variable: Any) -> Signal:
+    """Gather what fmpy has read of a scalar variable; type definitions fill what the variable leaves out."""
+
+    def attribute(name: str) -> str | None:
+        return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
+
+    def number(text: str | None, default: float) -> float:
+        if not text:
+            return default
+        return float(text == "true") if text in ("true", "false") else float(text)
+
+    unit = attribute("unit") or "1"
+    low, high = number(attribute("min"), -math.inf), number(attribute("max"), math.inf)
+    start = number(variable.start, 0.0)
+    display = attribute("displayUnit") or unit
+    return Signal(variable.name, type_of(variable), unit, display, start, low, high, variable.description or "")
+
+
+def type_of(variable: Any) -> str:
+    """Type of fmpy's scalar variable: real, integer (enumerations too), boolean or string."""
+    return "integer" if variable.type == "Enumeration" else str(variable.type).lower()
+
+
+def check_type(kind: str, value: float, where: str) -> None:
+    """Refuse a value that a type cannot hold, instead of cutting something off.
+
+    Raises
+    ------
+    UserError
+        If an integer would get a fraction or more than 32 bits, or a boolean anything but 0 and 1.
+    """
+    if kind == "integer" and not (abs(value) <= _LARGEST and value == math.floor(value)):
+        raise UserError(f"{where}: {value:g} is not a whole number from {-_LARGEST} to {_LARGEST}")
+    if kind == "boolean" and value not in (0.0, 1.0):
+        raise UserError(f"{where}: {value:g} is neither true (1) nor false (0)")
+
+
+def read_quantity(text: str) -> tuple[float, str] | None:
+    """Split ``610 mohm`` or ``6.3[N/mm]`` into number and unit, empty if there is none; None if it is no such text."""
+    match = _QUANTITY.match(text)
+    if match is None:
+        return None
+    return float(match["number"]), match["unit"].strip().removeprefix("[").removesuffix("]").strip()
+
+
+def read_setting(given: str, signal: Signal, where: str) -> float:
+    """Read a value that a user gives to a variable: a number, in the variable's unit or with one of its own.
+
+    Parameters
+    ----------
+    given : str
+        Like ``0.61``, ``610mohm`` or ``6.3[N/mm]``; ``true`` and ``false`` too for a boolean.
+    signal : Signal
+    where : str
+        What the message begins with.
+
+    Returns
+    -------
+    float
+        In the variable's unit.
+
+    Raises
+    ------
+    UserError
+        For no number, a wrong unit, a value that the type cannot hold or that is out of range.
+    """
+    if signal.type == "boolean" and given.strip().lower() in _WORDS:
+        return _WORDS[given.strip().lower()]
+    quantity = read_quantity(given)
+    if quantity is None:
+        words = " (nor true or false)" if signal.type == "boolean" else ""
+        raise UserError(f"{where}: {given!r} is not a number with an optional unit{words}")
+    value, unit = quantity
+    if unit and signal.type != "real":
+        raise UserError(f"{where}: {signal.name} is {signal.type} and has no unit; leave out {unit!r}")
+    if unit:
+        try:
+            value = float(units.convert(value, unit, signal.unit, where))
+        except UserError as error:
+            raise UserError(str(error) if where in str(error) else f"{where}: {error}") from error
+        for bound in (signal.min, signal.max):  # converting 10 uH must not miss 1e-5 H by its rounding
+            value = bound if math.isclose(value, bound, rel_tol=1e-12) else value
+    check_type(signal.type, value, where)
+    if not signal.min <= value <= signal.max:
+        raise UserError(f"{where}: {shown(value, signal)} is out of range; allowed is {allowed(signal)}")
+    return value

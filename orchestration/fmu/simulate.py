@@ -1,0 +1,119 @@
+"""Running a model over a stimulus and keeping the result: the work behind ``ppy simulate``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import units
+from fmus.kit.errors import UserError
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.model import Model
+from orchestration.records import Record
+
+Array = NDArray[np.float64]
+
+
+def grid(start: float, stop: float, step: float) -> Array:
+    """Communication points from ``start`` to ``stop`` inclusive, ``step`` apart; a shorter last step if need be.
+
+    Raises
+    ------
+    UserError
+        If the numbers make no grid.
+    """
+    if not (np.isfinite([start, stop, step]).all() and step > 0.0 and stop > start):
+        raise UserError(
+            f"cannot step from {start:g} s to {stop:g} s by {step:g} s: --stop must come later and --step be positive"
+        )
+    if (stop - start) / step > 1e7:
+        raise UserError(
+            f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at most 1e7 are made"
+        )
+    points: Array = start + step * np.arange(int((stop - start) / step * (1 + 1e-12)) + 1, dtype=np.float64)
+    return points if stop - points[-1] < 1e-9 * min(step, stop - start) else np.concatenate([points, [stop]])
+
+
+def points(recorded: Array, stop: float | None, step: float | None) -> Array:
+    """Communication points for a record: its own times, or a grid of ``step``; from its start, to ``stop`` if given.
+
+    Raises
+    ------
+    UserError
+        If the numbers make no grid, or the record ends before ``stop`` and no step says how to go on.
+    """
+    first, end = float(recorded[0]), float(recorded[-1])
+    last = end if stop is None else stop
+    if step is not None:
+        return grid(first, last, step)
+    if not first < last <= end:
+        raise UserError(
+            f"--stop {last:g} s is not within the record, which goes from {first:g} s to {end:g} s "
+            "(with --step, its last values are held beyond its end)"
+        )
+    return recorded[recorded <= last]
+
+
+def held(record: Record, name: str, time: Array) -> Array:
+    """Values of a recorded signal at other times, each sample held until the next."""
+    index = np.searchsorted(record.time, time + 1e-9 * np.median(np.diff(record.time)), side="right") - 1
+    return record.signals[name][np.clip(index, 0, None)]
+
+
+def simulate(
+    model: Model,
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, float],
+    progress: Callable[[int], None] = lambda done: None,
+) -> dict[str, Array]:
+    """Run the model's FMU.
+
+    Parameters
+    ----------
+    model : Model
+    time : ndarray, shape (n,)
+        Communication points in seconds.
+    inputs : Mapping[str, ndarray]
+        Values (n,) by input, in the FMU's units; missing inputs stay at their start value.
+    parameters : Mapping[str, float]
+        Values that replace defaults, in the FMU's units; constant values of inputs too.
+    progress : callable
+        Told the number of points done.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Every output, in the FMU's units.
+
+    Raises
+    ------
+    UserError
+        If the FMU refuses or fails; see :class:`orchestration.fmu.instance.Fmu`.
+    """
+    with Fmu(model.path, parameters) as fmu:
+        fmu.start(float(time[0]))
+        return fmu.run(time, inputs, list(model.outputs), progress)
+
+
+def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = "") -> None:
+    """Draw inputs and outputs over time, one panel each, in display units.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    from orchestration.reporting import pictures
+
+    known = {**model.inputs, **model.outputs}
+    figure, panels = pictures.panels(len(signals), title or model.name)
+    for panel, (name, values) in zip(panels, signals.items(), strict=True):
+        signal = known[name]
+        style = "steps-post" if name in model.inputs else "default"  # inputs are held
+        panel.plot(time, units.convert(values, signal.unit, signal.display), color=pictures.MODEL, drawstyle=style)
+        pictures.label(panel, name, signal.display)
+    pictures.save(figure, path)

@@ -1,0 +1,101 @@
+"""Transport delays of measured outputs, exactly: the model without them, looked at as much earlier.
+
+A component bears a delay in a shift register, because an FMU knows the past in no other way; over a whole record the
+past is there. What differs is that the register rounds the curvature within one of its periods, and that its dozens of
+discrete states, each with derivatives, cost many times the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import Component, stack
+from fmus.kit.record.compiled import CompiledModel, Trajectory
+from fmus.kit.sensors import transport_delay
+
+Array = NDArray[np.float64]
+_NEAR = 1e-3  # of a sample, for the slope of what is looked back at
+
+
+class DelayedModel:
+    """A compiled component whose measurements may be delayed; a delay counts as the outermost of the effects.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    sensitivities : sequence of str
+        Parameters with respect to which derivatives are wanted.
+    linear : bool
+        Whether inputs go linearly from sample to sample; else each is held until the next.
+
+    Attributes
+    ----------
+    layout : Layout
+        Of the component, the registers included.
+    delays : dict of str to str
+        Names of the delays by output.
+    """
+
+    def __init__(self, cls: type[Component], sensitivities: Sequence[str], linear: bool = False):
+        base, effects = vars(cls).get("stacked", (cls, ()))
+        late = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
+        rest = [e for e in effects if e not in late]
+        self.layout, self._linear = cls.layout, linear
+        self.delays = {effect.output: effect.neutral for effect in late}
+        self._model = CompiledModel(
+            stack(base, *rest) if rest else base, [n for n in sensitivities if n not in self.delays.values()]
+        )
+        self._known = {p.name for p in self._model.layout.parameters}
+        self._names = list(sensitivities)
+
+    def run(
+        self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 1e6
+    ) -> Trajectory:
+        """Simulate, as `CompiledModel.run`."""
+        given = {name: value for name, value in parameters.items() if name in self._known}
+        if not self.delays:
+            return self._model.run(time, inputs, given, self._linear, effort)
+        delays = {output: parameters[name] for output, name in self.delays.items()}
+        late = {output: delay for output, delay in delays.items() if delay > 0.0}
+        looks = {output: _look(time, delay) for output, delay in late.items()}
+        instants, back = np.unique(
+            np.concatenate([time, *(x for pair in looks.values() for x in pair)]), return_inverse=True
+        )
+        held = np.searchsorted(time, instants, "right") - 1
+        full = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time)) for n, v in inputs.items()}
+        fed = {n: np.interp(instants, time, v) if self._linear else v[held] for n, v in full.items()}
+        ran = self._model.run(instants, fed, given, self._linear, effort)
+        places = iter(np.split(back, 1 + 2 * len(looks)))
+        now = next(places)
+        signals = {name: values[now] for name, values in ran.signals.items()}
+        slopes = {name: values[now] for name, values in ran.sensitivities.items()}
+        by_delay = {output: np.zeros(len(time)) for output in delays}
+        for output, (then, near) in looks.items():
+            at, beside = next(places), next(places)
+            signals[output], slopes[output] = ran.signals[output][at], ran.sensitivities[output][at]
+            apart = np.where(near == then, 1.0, near - then)
+            by_delay[output] = -(ran.signals[output][beside] - signals[output]) / apart
+        return Trajectory(signals, {name: self._complete(name, found, by_delay) for name, found in slopes.items()})
+
+    def _complete(self, signal: str, found: Array, by_delay: Mapping[str, Array]) -> Array:
+        """Put the derivatives by the delays among the others."""
+        columns, others = [], iter(found.T)
+        of = {name: output for output, name in self.delays.items()}
+        for name in self._names:
+            if name not in of:
+                columns.append(next(others))
+            else:
+                columns.append(by_delay[signal] if of[name] == signal else np.zeros(len(found)))
+        return np.column_stack(columns) if columns else found
+
+
+def _look(time: Array, delay: float) -> tuple[Array, Array]:
+    """Return the instants that a delayed output shows, and others close by in the same stretch of held inputs."""
+    then = np.maximum(time - delay, time[0])
+    near = _NEAR * float(np.median(np.diff(time)))
+    following = time[np.minimum(np.searchsorted(time, then, "right"), len(time) - 1)]
+    beside = np.where(following - then > near, then + near, then - near)
+    return then, np.where(time - delay < time[0], then, beside)

@@ -1,0 +1,125 @@
+"""Boards of values, and FMI calls that move values between a board and a member without copies in between."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.signal import check_type, type_of
+from orchestration.system.model import Port
+
+Call = Callable[[], int]
+
+
+class Board:
+    """Values of many ports in one piece of memory, of which FMUs are handed parts to read and to write.
+
+    Parameters
+    ----------
+    ports : iterable of Port
+        Those that are moved in one call should stand together.
+
+    Attributes
+    ----------
+    at : dict of Port to int
+        Place of each.
+    cells : ctypes array of double
+        The values; faster than `values` one by one.
+    values : ndarray
+        The same memory.
+    """
+
+    def __init__(self, ports: Iterable[Port]):
+        self.at = {port: k for k, port in enumerate(dict.fromkeys(ports))}
+        self.cells = (ctypes.c_double * len(self.at))()
+        self.values: NDArray[np.float64] = np.ctypeslib.as_array(self.cells)
+
+
+def bind(verb: str, fmu: Fmu, ports: Sequence[Port], board: Board) -> list[Call]:
+    """Prepare moving values of a member.
+
+    Parameters
+    ----------
+    verb : {"Set", "Get"}
+        From the board, or to it.
+    fmu : Fmu
+        The instance.
+    ports : sequence of Port
+        Variables of that member.
+    board : Board
+
+    Returns
+    -------
+    list of callable
+        Each returns the FMI status.
+
+    Raises
+    ------
+    UserError
+        If a variable does not exist or is text; when called, if a type cannot hold the value on the board.
+    """
+    kinds: dict[str, list[Port]] = {}
+    for port in ports:
+        if port.variable not in fmu.variables:
+            raise UserError(f"{fmu.name}: {fmu.path.name} has no variable named {port.variable!r}")
+        kinds.setdefault(type_of(fmu.variables[port.variable]), []).append(port)
+    if "string" in kinds:
+        raise UserError(f"{kinds['string'][0]} is text, not a number")
+    calls: list[Call] = []
+    for run in _runs(sorted(board.at[port] for port in kinds.pop("real", []))):
+        names = list(board.at)[run[0] : run[-1] + 1]
+        values = ctypes.byref(board.cells, ctypes.sizeof(ctypes.c_double) * run[0])
+        calls.append(fmu.bound(f"fmi2{verb}Real", *_references(fmu, names), values))
+    for kind, own in kinds.items():
+        buffer = (ctypes.c_int * len(own))()
+        call = fmu.bound(f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(buffer))
+        places = [board.at[port] for port in own]
+        calls.append(
+            _reading(call, buffer, places, board) if verb == "Get" else _writing(call, buffer, places, board, kind, own)
+        )
+    return calls
+
+
+def _references(fmu: Fmu, ports: Sequence[Port]) -> tuple[object, ctypes.c_size_t]:
+    references = [fmu.variables[port.variable].valueReference for port in ports]
+    return ctypes.byref((ctypes.c_uint * len(ports))(*references)), ctypes.c_size_t(len(ports))
+
+
+def _runs(places: list[int]) -> list[list[int]]:
+    """Split increasing numbers where they do not follow each other."""
+    if not places:
+        return []
+    cuts = [k + 1 for k, (a, b) in enumerate(pairwise(places)) if b != a + 1]
+    return [places[a:b] for a, b in pairwise([0, *cuts, len(places)])]
+
+
+def _reading(call: Call, buffer: ctypes.Array[ctypes.c_int], places: list[int], board: Board) -> Call:
+    cells = board.cells
+
+    def read() -> int:
+        status = call()
+        for place, value in zip(places, buffer, strict=True):
+            cells[place] = value
+        return status
+
+    return read
+
+
+def _writing(
+    call: Call, buffer: ctypes.Array[ctypes.c_int], places: list[int], board: Board, kind: str, ports: list[Port]
+) -> Call:
+    cells = board.cells
+
+    def write() -> int:
+        for k, place in enumerate(places):
+            check_type(kind, cells[place], str(ports[k]))
+            buffer[k] = int(cells[place])
+        return call()
+
+    return write

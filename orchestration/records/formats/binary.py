@@ -1,0 +1,170 @@
+"""Parquet, MATLAB and NetCDF files."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from orchestration.records.formats.labview import as_numbers
+from orchestration.records.record import Repair, refuse
+from orchestration.records.table import Column, Table, split_header_cell
+
+
+def read_parquet(path: Path, content: bytes) -> Table:
+    """Read a Parquet file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : bytes
+        Its content.
+
+    Returns
+    -------
+    Table
+        Units from the column names ``name [unit]``, else from the fields' metadata entry ``unit``.
+
+    Raises
+    ------
+    UserError
+        If pyarrow is absent or the file is damaged.
+    """
+    try:
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise refuse(path, "reading Parquet needs pyarrow: pip install 'ppy-rig[records]'") from None
+    try:
+        arrow = parquet.read_table(io.BytesIO(content))
+        columns = []
+        for field, chunks in zip(arrow.schema, arrow.columns, strict=True):
+            name, unit = split_header_cell(field.name)
+            stated = (field.metadata or {}).get(b"unit", b"").decode().strip()
+            values = chunks.to_numpy()
+            stated = "s" if values.dtype.kind in "Mm" else stated
+            columns.append(Column(name, unit or stated or None, as_numbers(values)))
+    except Exception as error:  # the library raises whatever a damaged file trips
+        raise refuse(path, f"the Parquet file is damaged: {type(error).__name__}: {error}") from error
+    if not columns or arrow.num_rows == 0:
+        raise refuse(path, "the Parquet file holds no rows")
+    return Table(path, columns, np.arange(1, arrow.num_rows + 1))
+
+
+def read_netcdf(path: Path, content: bytes) -> Table:
+    """Read a NetCDF 3 file, such as a result of ``ppy run``.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : bytes
+        Its content.
+
+    Returns
+    -------
+    Table
+        One column per vector over the first dimension; units from the attribute ``units``.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged or holds no vectors.
+    """
+    from scipy.io import netcdf_file
+
+    try:
+        with netcdf_file(io.BytesIO(content), mmap=False) as file:
+            first = next(iter(file.dimensions), None)
+            columns = [
+                Column(name, getattr(v, "units", b"").decode() or None, as_numbers(np.array(v[:])))
+                for name, v in file.variables.items() if v.dimensions == (first,)
+            ]  # fmt: skip
+    except Exception as error:  # the library raises whatever a damaged file trips
+        raise refuse(path, f"the NetCDF file is damaged: {type(error).__name__}: {error}") from error
+    if not columns or not len(columns[0].cells):
+        raise refuse(path, "the NetCDF file holds no vectors")
+    return Table(path, columns, np.arange(1, len(columns[0].cells) + 1))
+
+
+def read_mat(path: Path) -> Table:
+    """Read a MATLAB file (version 4 to 7; not 7.3).
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Table
+        One column per numeric vector. Units from a variable ``units``: a struct with a text field per variable,
+        or texts ``name [unit]``.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged, of version 7.3, or its vectors differ in length.
+    """
+    from scipy.io import loadmat
+
+    try:
+        variables = loadmat(str(path), appendmat=False)
+    except NotImplementedError:
+        raise refuse(path, "this is a MATLAB 7.3 file (HDF5); save it with -v7") from None
+    except Exception as error:  # the library raises whatever a damaged file trips
+        raise refuse(path, f"the MATLAB file is damaged: {type(error).__name__}: {error}") from error
+    variables = {name: value for name, value in variables.items() if not name.startswith("__")}
+    units = _mat_units(path, variables.pop("units", None))
+    columns: list[Column] = []
+    left_out = []
+    for name, value in variables.items():
+        array = np.asarray(value)
+        if array.dtype.kind in "biuf" and array.ndim <= 2 and array.size > 1 and array.size == max(array.shape):
+            columns.append(Column(name, units.get(name), array.ravel().astype(float)))
+        else:
+            left_out.append(name)
+    if not columns:
+        raise refuse(
+            path, f"no numeric vector among the variables {sorted(variables)} (structs and matrices are not read)"
+        )
+    reference = next((column for column in columns if column.name.lower() in ("time", "t")), columns[0])
+    for column in columns:
+        if len(column.cells) != len(reference.cells):
+            raise refuse(
+                path,
+                f"variable '{column.name}' has {len(column.cells)} values, "
+                f"'{reference.name}' has {len(reference.cells)}; "
+                "vectors of one record have equal length",
+            )
+    repairs = []
+    if left_out:
+        repairs.append(Repair("ignored columns", f"not numeric vectors, so not read: {', '.join(sorted(left_out))}"))
+    return Table(path, columns, np.arange(1, len(reference.cells) + 1), repairs)
+
+
+def _mat_units(path: Path, value: object) -> dict[str, str]:
+    """Read the companion variable ``units`` of a MATLAB file."""
+    if value is None:
+        return {}
+    array = np.asarray(value)
+    if array.dtype.names and array.size == 1:
+        entry = array.ravel()[0]
+        return {name: text for name in array.dtype.names if (text := _mat_text(entry[name]))}
+    units = {}
+    for item in array.ravel():
+        name, unit = split_header_cell(_mat_text(item))
+        if not name or unit is None:
+            raise refuse(
+                path, f"variable units: '{_mat_text(item)}' is not of the form 'name [unit]' (or make units a struct)"
+            )
+        units[name] = unit
+    return units
+
+
+def _mat_text(value: object) -> str:
+    """Give the text of a MATLAB char array or cell."""
+    while isinstance(value, np.ndarray):
+        if value.size == 0:
+            return ""
+        value = value.ravel()[0]
+    return str(value).strip()

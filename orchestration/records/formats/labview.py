@@ -1,0 +1,211 @@
+"""LabVIEW's two forms: text (.lvm) with its header blocks, and binary TDMS."""
+
+import io
+import logging
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from orchestration.records.formats.text import decode, split_line, tabulate
+from orchestration.records.record import Repair, refuse
+from orchestration.records.table import Column, Table, split_header_cell
+
+_END = "***End_of_Header***"
+_DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
+
+
+def read_lvm(path: Path, content: bytes) -> Table:
+    """Read a LabVIEW text file of one segment.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : bytes
+        Its content.
+
+    Returns
+    -------
+    Table
+        Column ``X_Value`` first (unit second), then the channels with the units of ``Y_Unit_Label``.
+
+    Raises
+    ------
+    UserError
+        If there is no header end, more than one segment, or an x column per channel.
+    """
+    lines, ended, repairs = decode(path, content)
+    ends = [index for index, line in enumerate(lines) if line.strip().startswith(_END)]
+    if not ends:
+        raise refuse(path, f"LabVIEW text without a line {_END}")
+    separator = next((line for line in lines[: ends[0]] if line.lower().startswith("separator")), "Separator\tTab")
+    word = separator[len("separator") :].strip(" \t,;").lower() or "tab"
+    if word not in _DELIMITERS:
+        raise refuse(path, f"Separator '{word}' is not known (allowed: Tab, Comma)")
+    delimiter = _DELIMITERS[word]
+    start = ends[min(1, len(ends) - 1)] + 1
+    while start < len(lines) and not lines[start].strip():
+        start += 1
+    if start >= len(lines):
+        raise refuse(path, "LabVIEW text with a header but no data")
+    if len(ends) > 2:
+        raise refuse(
+            path,
+            f"row {ends[2] + 1}: a second segment starts (its clock restarts); save each segment in a file of its own",
+        )
+    fields = {}
+    for row, line in enumerate(lines[: start - 1], start=1):
+        cells = [cell.strip() for cell in split_line(path, row, line, delimiter)]
+        fields[cells[0]] = cells[1:]
+    if [cell.lower() for cell in fields.get("X_Columns", ["One"])][:1] == ["multi"]:
+        raise refuse(path, "every channel has its own X column (X_Columns Multi); save it with one X column")
+    dimension = (fields.get("X_Dimension") or ["Time"])[0]
+    if dimension not in ("", "Time"):
+        raise refuse(path, f"X_Dimension is '{dimension}' (allowed: Time)")
+    header = [cell.strip() for cell in split_line(path, start + 1, lines[start], delimiter)]
+    if header[0] != "X_Value":
+        raise refuse(path, f"row {start + 1}: '{header[0]}' where X_Value should be the first column")
+    commented = header[-1] == "Comment"
+    table = tabulate(path, lines, start, header, delimiter, ended, repairs, optional_last=commented)
+    if (
+        commented
+        and table.columns[-1].name == "Comment"
+        and not any(str(cell).strip() for cell in table.columns[-1].cells)
+    ):
+        table.columns.pop()
+    units = fields.get("Y_Unit_Label", [])
+    for index, column in enumerate(table.columns[1:]):
+        if column.unit is None and index < len(units) and column.name != "Comment":
+            column.unit = units[index] or None
+    table.columns[0].unit = "s"
+    if not any(str(cell).strip() for cell in table.columns[0].cells):
+        table.columns[0].cells = _clock_from_header(path, fields, len(table.rows), table.repairs)
+    return table
+
+
+def _clock_from_header(path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]) -> np.ndarray:
+    """Make the time column that ``X_Columns No`` leaves to the header's X0 and Delta_X."""
+    try:
+        origin, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
+    except (KeyError, IndexError, ValueError):
+        raise refuse(path, "no X values, and no X0 and Delta_X in the header to make them from") from None
+    if not step > 0:
+        raise refuse(path, f"Delta_X is {step:g} s (allowed: above 0)")
+    repairs.append(
+        Repair("clock from header", f"no X values: time is {origin:g} s + k × {step:g} s, from X0 and Delta_X")
+    )
+    return origin + step * np.arange(count)
+
+
+def read_tdms(path: Path, content: bytes) -> Table:
+    """Read a LabVIEW TDMS file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : bytes
+        Its content.
+
+    Returns
+    -------
+    Table
+        One column per channel; a time column from the waveform properties where no channel is called time.
+
+    Raises
+    ------
+    UserError
+        If npTDMS is absent, the file is damaged, or the channels differ in length or clock.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise refuse(path, "reading TDMS needs npTDMS: pip install 'ppy-rig[records]'") from None
+    silenced = logging.root.manager.disable
+    logging.disable(logging.WARNING)  # npTDMS logs what the message or the repair line says anyway
+    try:
+        file = TdmsFile.read(io.BytesIO(content))
+        channels = [channel for group in file.groups() for channel in group.channels()]
+        data = [np.asarray(channel[:]) for channel in channels]
+    except Exception as error:  # the library raises whatever a damaged file trips
+        raise refuse(path, f"the TDMS file is damaged: {type(error).__name__}: {error}") from error
+    finally:
+        logging.disable(silenced)
+    repairs: list[Repair] = []
+    if _ends_inside_segment(content):
+        count = min((values.size for values in data), default=0)
+        lost = max((values.size for values in data), default=0) - count
+        data = [values[:count] for values in data]
+        message = f"the file ends inside its last segment: {count} rows are complete, {lost} incomplete ones dropped"
+        repairs.append(Repair("partial line", message, tuple(range(count + 1, count + lost + 1))))
+    if not channels or not any(values.size for values in data):
+        raise refuse(path, "the TDMS file holds no complete row of data")
+    names = [channel.name for channel in channels]
+    columns = []
+    for channel, values in zip(channels, data, strict=True):
+        name, unit = split_header_cell(channel.name)
+        if names.count(channel.name) > 1:
+            name = f"{channel.group_name}/{name}"
+        unit = unit or str(channel.properties.get("unit_string", "")).strip() or None
+        if values.dtype.kind in "Mm":
+            unit = "s"  # what `as_numbers` makes of instants
+        if values.size != data[0].size:
+            raise refuse(
+                path,
+                f"channel '{name}' has {values.size} samples, '{names[0]}' has {data[0].size}; "
+                "channels of one record have equal length",
+            )
+        columns.append(Column(name, unit, as_numbers(values)))
+    if not any(column.name.lower() in ("time", "t") for column in columns):
+        steps = {
+            (float(channel.properties.get("wf_start_offset", 0.0)), float(channel.properties["wf_increment"]))
+            for channel in channels
+            if "wf_increment" in channel.properties
+        }
+        if len(steps) > 1:
+            raise refuse(
+                path,
+                f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save one per file",
+            )
+        for offset, step in steps:
+            if not step > 0:
+                raise refuse(path, f"wf_increment is {step:g} s (allowed: above 0)")
+            clock = np.asarray(offset + step * np.arange(data[0].size), dtype=np.float64)
+            columns.insert(0, Column("time", "s", clock))
+            repairs.append(
+                Repair("clock from header", f"time is {offset:g} s + k × {step:g} s, from the waveform properties")
+            )
+    return Table(path, columns, np.arange(1, data[0].size + 1), repairs)
+
+
+def _ends_inside_segment(content: bytes) -> bool:
+    """Tell whether a TDMS file was cut off, from the segment lengths its lead-ins state."""
+    lead_in = struct.Struct("<4sIIQQ")  # tag, contents, version, bytes to the next segment, bytes to the raw data
+    position = 0
+    while position + lead_in.size <= len(content):
+        position += lead_in.size + lead_in.unpack_from(content, position)[3]
+    return position != len(content)
+
+
+def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
+    """Turn an array of any type into floats, or into text cells if it holds no numbers.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Numbers, booleans, instants or objects.
+
+    Returns
+    -------
+    ndarray or list of str
+        Instants become seconds since the first one; objects become text, to be judged only if the column is used.
+    """
+    if values.dtype.kind == "M":
+        seconds = (values - values[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+        return np.asarray(seconds, dtype=float)
+    if values.dtype.kind == "m":
+        return np.asarray(values / np.timedelta64(1, "s"), dtype=float)
+    if values.dtype.kind in "biuf":
+        return values.astype(float)
+    return ["" if value is None else str(value) for value in values]

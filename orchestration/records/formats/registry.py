@@ -1,0 +1,63 @@
+"""Which reader a file needs: told by its first bytes, so that a wrong extension does no harm."""
+
+from pathlib import Path
+
+from orchestration.records.formats.binary import read_mat, read_netcdf, read_parquet
+from orchestration.records.formats.labview import read_lvm, read_tdms
+from orchestration.records.formats.text import EXPECTED, read_text
+from orchestration.records.record import refuse
+from orchestration.records.table import Table
+
+_BINARY_EXTENSIONS = {
+    ".parquet": "a Parquet",
+    ".tdms": "a TDMS",
+    ".mat": "a MATLAB",
+    ".lvm": "a LabVIEW text",
+    ".nc": "a NetCDF 3",
+}
+
+
+def read_table(path: Path) -> Table:
+    """Read a file of any known form.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Table
+        Its raw columns.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be opened, is empty, or is of no known form.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise refuse(path, f"cannot be read: {error.strerror or error}") from error
+    if not content.strip():
+        raise refuse(path, f"the file is empty; {EXPECTED}")
+    extension = path.suffix.lower()
+    if content.startswith(b"PAR1"):
+        return read_parquet(path, content)
+    if content.startswith((b"CDF\x01", b"CDF\x02")):
+        return read_netcdf(path, content)
+    if content.startswith(b"TDSm"):
+        return read_tdms(path, content)
+    if content.startswith((b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF")) or (
+        extension == ".mat" and b"\x00" in content[:20]
+    ):
+        if not content.startswith(b"MATLAB 5.0") and (content[512:516] == b"\x89HDF" or content.startswith(b"\x89HDF")):
+            raise refuse(path, "this is an HDF5 file (MATLAB 7.3 is one); save it from MATLAB with -v7")
+        return read_mat(path)
+    if content.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"):
+        return read_lvm(path, content)
+    if extension in _BINARY_EXTENSIONS:
+        raise refuse(path, f"this is not {_BINARY_EXTENSIONS[extension]} file, whatever its name says")
+    if content.startswith((b"PK\x03\x04", b"\x1f\x8b")):
+        raise refuse(path, "this is a compressed file or a spreadsheet; unpack it, or save it as CSV")
+    return read_text(path, content)

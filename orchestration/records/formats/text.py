@@ -1,0 +1,231 @@
+"""Delimited text: CSV in its usual dialects, decoded, sniffed and split into columns with the editor's line numbers."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+
+from orchestration.records.formats.decimals import replace_decimal_commas
+from orchestration.records.record import Repair, list_rows, refuse
+from orchestration.records.table import Column, Table, parse_cell, split_header_cell
+
+_CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f]")
+_LINE_END = re.compile(r"\r\n|\n|\r")
+EXPECTED = "expected a header such as 'time [s],current [A]' and rows of numbers below it"
+
+
+def decode(path: Path, content: bytes) -> tuple[list[str], bool, list[Repair]]:
+    """Turn the bytes of a text file into lines.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+    content : bytes
+        Its content: UTF-8, UTF-16 with a byte order mark, or Windows-1252.
+
+    Returns
+    -------
+    tuple of (list of str, bool, list of Repair)
+        The lines, whether the last one is ended by a line end, and what was noticed.
+
+    Raises
+    ------
+    UserError
+        If the content is not text.
+    """
+    repairs = []
+    try:
+        wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+        text = content.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1" if b"\x00" in content else "cp1252", errors="replace")
+        repairs.append(Repair("encoding", "the file is not UTF-8; it was read as Windows-1252"))
+    if _CONTROL.search(text) or "\ufffd" in text:
+        raise refuse(path, f"this is not a text file, and no binary format that is known; {EXPECTED}")
+    lines = _LINE_END.split(text)
+    ended = lines[-1].strip() == ""
+    while lines and not lines[-1].strip():
+        lines.pop()
+    return lines, ended, repairs
+
+
+def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
+    """Split one line into cells, honouring double quotes.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+    row : int
+        Line number, for the message.
+    line : str
+        The line without its end.
+    delimiter : str
+        One character.
+
+    Returns
+    -------
+    list of str
+        The cells.
+
+    Raises
+    ------
+    UserError
+        If a quote is not closed on the line.
+    """
+    if '"' not in line:
+        return line.split(delimiter)
+    try:
+        return next(csv.reader([line], delimiter=delimiter, strict=True, skipinitialspace=True))
+    except csv.Error as error:
+        raise refuse(path, f"row {row}: the quotes do not match ({error})") from error
+
+
+def _sniff_delimiter(header: str) -> str | None:
+    """Find the delimiter of a header line: tab, else semicolon, else comma, outside quotes and unit brackets."""
+    bare = re.sub(r'"[^"]*"|\[[^\]]*\]', "", header)
+    return next((delimiter for delimiter in "\t;," if delimiter in bare), None)
+
+
+def read_text(path: Path, content: bytes) -> Table:
+    """Read a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : bytes
+        Its content.
+
+    Returns
+    -------
+    Table
+        Columns of text cells with a decimal point.
+
+    Raises
+    ------
+    UserError
+        If the file is no table of the expected form.
+    """
+    lines, ended, repairs = decode(path, content)
+    start = 0
+    while start < len(lines) and (not lines[start].strip() or lines[start].lstrip().startswith("#")):
+        start += 1
+    if start == len(lines):
+        raise refuse(path, f"the file holds nothing but comments and blank lines; {EXPECTED}")
+    delimiter = _sniff_delimiter(lines[start])
+    if delimiter is None:
+        raise refuse(
+            path, f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns; {EXPECTED}"
+        )
+    header = split_line(path, start + 1, lines[start], delimiter)
+    if all(parse_cell(cell) is not None for cell in header):
+        commented = " (a header behind '#' is a comment: remove the '#')" if start else ""
+        raise refuse(path, f"row {start + 1}: numbers where the header should be{commented}; {EXPECTED}")
+    return tabulate(path, lines, start, header, delimiter, ended, repairs)
+
+
+def tabulate(
+    path: Path,
+    lines: list[str],
+    start: int,
+    header: list[str],
+    delimiter: str,
+    ended: bool,
+    repairs: list[Repair],
+    optional_last: bool = False,
+) -> Table:
+    """Split the lines below a header into columns.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    lines : list of str
+        All lines of the file.
+    start : int
+        Index of the header line.
+    header : list of str
+        Its cells.
+    delimiter : str
+        One character.
+    ended : bool
+        Whether the file's last line is ended by a line end.
+    repairs : list of Repair
+        What was noticed so far; the table takes it over.
+    optional_last : bool
+        Whether a row may leave out the last cell (the comment column of LabVIEW text).
+
+    Returns
+    -------
+    Table
+        Columns of text cells with a decimal point.
+
+    Raises
+    ------
+    UserError
+        If a row has the wrong number of cells, or there is no row.
+    """
+    records: list[list[str]] = []
+    rows: list[int] = []
+    blank: list[int] = []
+    width = len(header)
+    last = len(lines) - 1
+    for index in range(start + 1, len(lines)):
+        line = lines[index]
+        if not line.strip():
+            blank.append(index + 1)
+            continue
+        try:
+            cells = split_line(path, index + 1, line, delimiter)
+        except ValueError:
+            if index < last or ended:
+                raise
+            cells = []  # the file was cut inside a quoted cell
+        while len(cells) > width and not cells[-1].strip():
+            cells.pop()  # delimiters at the end of a line
+        if optional_last and len(cells) == width - 1:
+            cells.append("")
+        if _is_partial(cells, header, index == last, ended):
+            repairs.append(Repair("partial line", f"row {index + 1}, the last, is cut off: dropped", (index + 1,)))
+            continue
+        if len(cells) != width:
+            hint = " (a decimal comma needs ';' between the columns)" if delimiter == "," and len(cells) > width else ""
+            raise refuse(path, f"row {index + 1}: {len(cells)} cells where the header has {width}{hint}")
+        records.append(cells)
+        rows.append(index + 1)
+    if not records:
+        raise refuse(path, f"there is a header (row {start + 1}) but no complete row of data below it")
+    if blank:
+        repairs.append(Repair("blank lines", f"{len(blank)} blank lines skipped ({list_rows(blank)})", tuple(blank)))
+    if not ended and rows[-1] == len(lines):
+        message = f"row {rows[-1]}, the last, has no line end: its last number may be cut short; it was kept"
+        repairs.append(Repair("no line end", message, (rows[-1],)))
+    columns = _make_columns(header, records)
+    table = Table(path, columns, np.array(rows, dtype=np.int64), repairs)
+    if delimiter != ",":
+        replace_decimal_commas(table)
+    return table
+
+
+def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool) -> bool:
+    """Tell whether a line is the torn end of a file that was being written."""
+    if not is_last:
+        return False
+    if len(cells) < len(header):
+        return True
+    torn = re.fullmatch(r"\s*[+-]?(\d*\.?\d*([eE][+-]?)?)?\s*", cells[-1]) is not None
+    complete = cells[-1].strip() != "" and parse_cell(cells[-1].replace(",", ".")) is not None
+    return not ended and len(cells) == len(header) and header[-1].strip() != "" and torn and not complete
+
+
+def _make_columns(header: list[str], records: list[list[str]]) -> list[Column]:
+    """Turn rows of cells into named columns, leaving out columns that have neither a name nor content."""
+    columns = []
+    for cell, cells in zip(header, zip(*records, strict=True), strict=True):
+        name, unit = split_header_cell(cell)
+        if name or unit or any(text.strip() for text in cells):
+            columns.append(Column(name, unit, cells))
+    return columns

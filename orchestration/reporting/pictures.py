@@ -1,0 +1,81 @@
+"""Pictures: one look for every plot, with units on every axis."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.build import archive
+from fmus.kit.errors import UserError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FORMATS = (".png", ".svg", ".pdf")
+MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
+_STYLE = {
+    "axes.grid": True, "grid.color": "#e3e8ec", "axes.edgecolor": "#9aa5af", "axes.spines.top": False,
+    "axes.spines.right": False, "font.size": 9, "axes.titlesize": 10, "axes.titlelocation": "left",
+    "figure.dpi": 110,
+}  # fmt: skip
+
+
+def panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
+    """Make a figure of panels, one above the other, that share the time axis."""
+    import matplotlib.style
+    from matplotlib.figure import Figure
+
+    with matplotlib.style.context(_STYLE):
+        figure = Figure(figsize=(9, 1.0 + 1.9 * count), layout="constrained")
+        axes = figure.subplots(count, 1, sharex=True, squeeze=False)
+    title = title.encode(errors="backslashreplace").decode()  # a file name may hold bytes that no font can draw
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    axes[-1, 0].set_xlabel("time [s]")
+    return figure, list(axes.flat)
+
+
+def label(axis: Axes, name: str, unit: str) -> None:
+    """Name the vertical axis with its unit."""
+    text = name.replace("_", " ")
+    axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
+
+
+def logarithmic(axes: list[Axes], time: NDArray[np.float64]) -> None:
+    """Make the time axis logarithmic for records sampled that way, such as creep tests."""
+    steps = np.diff(time)
+    if len(steps) and steps.max() > 1000.0 * steps.min():
+        axes[-1].set_xscale("log")
+
+
+def picture_format(path: Path) -> str:
+    """Tell the format from the file's ending.
+
+    Raises
+    ------
+    UserError
+        If it is none of those that are drawn.
+    """
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
+        raise UserError(f"cannot draw {path}: its name must end in {', '.join(FORMATS)}, not {ending or 'nothing'!r}")
+    return ending[1:]
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure, in the format of the file's ending, whole or not at all.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written, or the ending is no picture format.
+    """
+    kind = picture_format(path)
+    figure.align_ylabels()
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=kind)
+    archive.write(path, drawn.getvalue())

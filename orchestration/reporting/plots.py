@@ -1,0 +1,212 @@
+"""Interactive plots, as plotly.js takes them: panels above one shared axis, thinned out to what can be seen."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.records.clock import GAP_FACTOR
+from orchestration.reporting.page import escaped
+
+Array = NDArray[np.float64]
+MOST = 8000  # points of a trace; of more, the smallest and the largest of each of half as many bins are drawn
+_TITLE, _LEGEND, _STRIP, _BOTTOM = 26, 34, 18, 46  # pixels
+_GREY, _GRID, _INK = "#9aa5af", "#e3e8ec", "#1c2733"
+_FONT = {"family": "system-ui, sans-serif", "size": 13, "color": _INK}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A line to draw.
+
+    Attributes
+    ----------
+    label : str
+        Traces of one label, wherever they are, are one entry of the legend; none for an empty one.
+    x, y : ndarray, shape (n,)
+        NaN in y is a gap.
+    style : dict
+        Of the line, as plotly.js has it: color, width, dash, shape.
+    more : dict
+        Other attributes, as plotly.js has them.
+    """
+
+    label: str
+    x: Array
+    y: Array
+    style: dict[str, Any]
+    more: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What shares a vertical axis.
+
+    Attributes
+    ----------
+    title : str
+        With the unit.
+    height : int
+        Pixels.
+    traces : list of Trace
+    band : pair of float, optional
+        A range to be marked.
+    span : pair of float, optional
+        Range of the axis; that of the traces if it is not given.
+    logarithmic : bool
+    """
+
+    title: str
+    height: int
+    traces: list[Trace]
+    band: tuple[float, float] | None = None
+    span: tuple[float, float] | None = None
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A place on the horizontal axis beyond which something else holds, and what holds on either side."""
+
+    place: float
+    before: str
+    after: str
+
+
+def envelope(x: Array, y: Array) -> tuple[Array, Array]:
+    """Thin out a line: of every bin the smallest and the largest value, each where it is.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+
+    Returns
+    -------
+    x, y : ndarray, shape (m,)
+        As they were if `MOST` or fewer.
+    """
+    n = len(y)
+    if n <= MOST:
+        return x, y
+    size = -(-n // (MOST // 2))
+    bins = np.full((-(-n // size), size), np.nan)
+    bins.flat[:n] = y
+    gap = np.isnan(bins)
+    ends = [np.where(gap, np.inf, bins).argmin(axis=1), np.where(gap, -np.inf, bins).argmax(axis=1)]
+    at = (np.sort(ends, axis=0) + size * np.arange(len(bins))).T.ravel()
+    return x[at], y[at]
+
+
+def broken(x: Array, y: Array) -> tuple[Array, Array]:
+    """Break a line where a record has a gap, so that nothing is drawn where nothing was measured."""
+    step = np.diff(x, prepend=np.nan, append=np.nan)
+    after = np.flatnonzero(step[1:-1] > GAP_FACTOR * np.fmax(step[:-2], step[2:])) + 1
+    return np.insert(x, after, 0.5 * (x[after] + x[after - 1])), np.insert(y, after, np.nan)
+
+
+def stacked(
+    panels: Sequence[Panel],
+    across: str,
+    logarithmic: bool = False,
+    boundary: Boundary | None = None,
+    marks: Sequence[tuple[float, str]] = (),
+) -> dict[str, Any]:
+    """Draw panels, one above the other.
+
+    Parameters
+    ----------
+    panels : sequence of Panel
+    across : str
+        Title of the horizontal axis, with the unit.
+    logarithmic : bool
+        Whether that axis is.
+    boundary : Boundary, optional
+    marks : sequence of float and str
+        Places on the horizontal axis, and what is there.
+
+    Returns
+    -------
+    dict
+        ``data`` and ``layout``.
+    """
+    inner = sum(panel.height + _TITLE for panel in panels)
+    top = _LEGEND + (_STRIP if boundary or marks else 0)
+    layout: dict[str, Any] = {
+        "height": inner + top + _BOTTOM, "font": _FONT, "hovermode": "x unified", "hoversubplots": "axis",
+        "margin": {"l": 62, "r": 8, "t": top, "b": _BOTTOM}, "paper_bgcolor": "#fff", "plot_bgcolor": "rgba(0,0,0,0)",
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "xref": "container", "y": 1, "yanchor": "top",
+                   "yref": "container", "groupclick": "togglegroup", "font": {"size": 13}},
+        "hoverlabel": {"font": {"size": 12}}, "shapes": [], "annotations": [],
+        "xaxis": _axis(logarithmic)
+        | {"title": {"text": across, "standoff": 8, "font": _FONT}, "anchor": _y(len(panels) - 1)},
+    }  # fmt: skip
+    data: list[dict[str, Any]] = []
+    named: set[str] = set()
+    down = 0
+    for k, panel in enumerate(panels):
+        high, low = inner - down - _TITLE, inner - down - _TITLE - panel.height
+        ends: dict[str, Any] = {"domain": [low / inner, high / inner], "nticks": 5}
+        ends |= {"range": list(panel.span)} if panel.span else {}
+        layout[_y(k).replace("y", "yaxis")] = _axis(panel.logarithmic) | ends
+        layout["annotations"].append(_note(panel.title, 0.0, high / inner, "left"))
+        if panel.band:
+            ends = {"y0": panel.band[0], "y1": panel.band[1], "xref": "paper", "x0": 0, "x1": 1, "yref": _y(k)}
+            layout["shapes"].append(_box(ends, "#e1e5e8"))
+        for trace in panel.traces:
+            data.append(_drawn(trace, k, bool(trace.label) and trace.label not in named))
+            named.add(trace.label)
+        down += panel.height + _TITLE
+    if boundary:
+        place = float(np.log10(boundary.place)) if logarithmic else boundary.place
+        last = max(float(trace.x[-1]) for panel in panels for trace in panel.traces)
+        ends = {"xref": "x", "x0": boundary.place, "x1": last, "yref": "paper", "y0": 0, "y1": 1}
+        layout["shapes"].append(_box(ends, "#fbf5e6"))
+        line = {"color": "#b98a2f", "width": 1, "dash": "dash"}
+        layout["shapes"].append({**ends, "type": "line", "x1": boundary.place, "line": line})
+        for text, side, shift in ((f"{boundary.before} ◂", "right", -3), (f"▸ {boundary.after}", "left", 3)):
+            more = {"xref": "x", "xshift": shift, "font": {"size": 12, "color": "#8a6116"}}
+            layout["annotations"].append(_note(text, place, 1.0, side) | more)
+    for place, text in marks:
+        ends = {"xref": "x", "x0": place, "x1": place, "yref": "paper", "y0": 0, "y1": 1}
+        name = {"text": text, "textposition": "end", "textangle": 0, "xanchor": "right", "font": {"size": 12}}
+        layout["shapes"].append({**ends, "type": "line", "line": {"color": "#b98a2f", "dash": "dot"}, "label": name})
+    return {"data": data, "layout": layout}
+
+
+def _drawn(trace: Trace, panel: int, in_legend: bool) -> dict[str, Any]:
+    x, y = envelope(*broken(trace.x, trace.y))
+    return {
+        "type": "scatter", "mode": "lines", "x": _packed(x, "<f8"), "y": _packed(y, "<f4"), "xaxis": "x",
+        "yaxis": _y(panel), "name": escaped(trace.label), "legendgroup": trace.label, "showlegend": in_legend,
+        "line": trace.style, "hovertemplate": "%{y:.5~g}", "connectgaps": False, **trace.more,
+    }  # fmt: skip
+
+
+def _packed(values: Array, kind: str) -> dict[str, str]:
+    """Return numbers as plotly.js unpacks them; text would be four times as long."""
+    return {"dtype": kind[1:], "bdata": base64.b64encode(values.astype(kind).tobytes()).decode()}
+
+
+def _axis(logarithmic: bool) -> dict[str, Any]:
+    about = {"type": "log"} if logarithmic else {"type": "linear"}
+    shown = {"tickformat": "~g"} if logarithmic else {"exponentformat": "none", "hoverformat": ".6~g"}
+    line = {"gridcolor": _GRID, "zerolinecolor": _GREY, "linecolor": _GREY, "showline": True, "ticks": "outside"}
+    return {**about, **shown, **line, "tickcolor": _GREY, "tickfont": {"size": 12}, "automargin": False}
+
+
+def _note(text: str, x: float, y: float, side: str) -> dict[str, Any]:
+    return {"text": escaped(text), "x": x, "y": y, "xref": "paper", "yref": "paper", "xanchor": side,
+            "yanchor": "bottom", "showarrow": False, "font": {"size": 13, "color": _INK}}  # fmt: skip
+
+
+def _box(ends: dict[str, Any], colour: str) -> dict[str, Any]:
+    return {"type": "rect", "layer": "below", "line": {"width": 0}, "fillcolor": colour, **ends}
+
+
+def _y(panel: int) -> str:
+    return f"y{panel + 1}" if panel else "y"

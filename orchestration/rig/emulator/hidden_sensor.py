@@ -1,0 +1,91 @@
+"""Hidden variations of what is shown of voltage and displacement; the actuator itself is as it was."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from orchestration.rig.emulator.physics import Array, Physics
+from orchestration.rig.emulator.run import Run, Signals
+
+_BEFORE = 1e-6  # of a sample period, how far from its end the value is taken that inputs have not yet changed
+
+
+@dataclass
+class SluggishSensor(Physics):
+    """A sensor with two equal, critically damped stages, in equilibrium at the start."""
+
+    lag_output: str = "displacement"
+    sensor_time: float = 0.2  # s, of both stages together
+
+    def shown(self, run: Run, time: Array) -> Signals:
+        """Let the sensor follow what changes linearly from knot to knot, and jumps where inputs do."""
+        signals = super().shown(run, time)
+        if self.sensor_time == 0:
+            return signals
+        knots = np.union1d(run.time, time)
+        steps = np.diff(knots)
+        value = super().shown(run, knots)[self.lag_output]
+        slope = (super().shown(run, knots[1:] - _BEFORE * steps)[self.lag_output] - value[:-1]) / steps
+        rate = 2 / self.sensor_time
+        system = np.array([[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
+        durations, kind = np.unique(np.round(steps, 9), return_inverse=True)
+        transitions = [expm(system * duration)[:2] for duration in durations]
+        stages = np.full((knots.size, 2), value[0])
+        for k, which in enumerate(kind.tolist()):
+            stages[k + 1] = transitions[which] @ np.array([*stages[k], value[k], slope[k]])
+        return signals | {self.lag_output: stages[np.searchsorted(knots, time), 1]}
+
+
+@dataclass
+class LateSensor(Physics):
+    """A sensor that shows what was, exactly; before the run all was as at its start."""
+
+    late_output: str = "displacement"
+    delay: float = 0.1  # s
+
+    def shown(self, run: Run, time: Array) -> Signals:
+        """Look back."""
+        late = super().shown(run, time - self.delay)[self.late_output]
+        return super().shown(run, time) | {self.late_output: late}
+
+
+@dataclass
+class MisscaledSensor(Physics):
+    """A sensor that shows too much of everything."""
+
+    gain_output: str = "displacement"
+    gain_error: float = 0.05  # relative
+
+    def shown(self, run: Run, time: Array) -> Signals:
+        """Scale."""
+        signals = super().shown(run, time)
+        return signals | {self.gain_output: (1 + self.gain_error) * signals[self.gain_output]}
+
+
+@dataclass
+class BiasedSensor(Physics):
+    """A sensor that shows something where there is nothing."""
+
+    bias_output: str = "voltage"
+    bias: float = 0.01  # V or m
+
+    def shown(self, run: Run, time: Array) -> Signals:
+        """Add the bias."""
+        signals = super().shown(run, time)
+        return signals | {self.bias_output: signals[self.bias_output] + self.bias}
+
+
+@dataclass
+class DriftingSensor(Physics):
+    """A sensor that warms up after it was switched on at time zero, and drifts towards a limit."""
+
+    drift_output: str = "displacement"
+    drift: float = 2e-8  # V/s or m/s, at first
+    warming_time: float = 2000.0  # s
+
+    def shown(self, run: Run, time: Array) -> Signals:
+        """Add the drift."""
+        signals = super().shown(run, time)
+        drifted = -self.drift * self.warming_time * np.expm1(-np.maximum(time, 0.0) / self.warming_time)
+        return signals | {self.drift_output: signals[self.drift_output] + drifted}

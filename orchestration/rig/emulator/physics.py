@@ -1,0 +1,156 @@
+"""What the emulated actuator obeys: a balance of currents at its terminal, and a Burgers body in series.
+
+A hidden variation overrides one law through ``super()``; laws are written to serve an instant or a whole record.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, astuple, dataclass, make_dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.rig.emulator.run import Run, Signals
+
+Array = NDArray[np.float64]
+_PROBES = np.array([-1e-6, 0.0, 1e-6])  # V, about the voltage at which the slope of the leakage is wanted
+
+
+@dataclass(frozen=True)
+class RigParameters:
+    """What the emulated actuator is made of, in SI units; defaults are the thesis' 12-layer actuator (ERRATA row 1)."""
+
+    R1: float = 0.43  # ohm, diffusion, contacts and electrolyte
+    R2: float = 2.35  # ohm, leakage
+    C: float = 2.70  # F, bulk of the films
+    alpha: float = 6.8e-5  # m/C, displacement per charge
+    k1: float = 6300.0  # N/m, instantaneous spring
+    b1: float = 1.7e6  # N.s/m, viscoplastic dashpot
+    k2: float = 1.0e4  # N/m, creep spring
+    b2: float = 2.0e6  # N.s/m, creep dashpot
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if not 0 < value < np.inf:
+                raise ValueError(f"rig parameter {name} = {value!r}: must be finite and above 0")
+
+    @classmethod
+    def scattered(cls, seed: int, spread: float = 0.15) -> "RigParameters":
+        """Draw another specimen: each nominal value times a log-normal factor of log standard deviation `spread`."""
+        factors = np.exp(spread * np.random.default_rng(seed).standard_normal(8))
+        return cls(*(np.array(astuple(cls())) * factors).tolist())
+
+
+@dataclass
+class Physics:
+    """What the rig really does.
+
+    The state is ``[charge (C), creep elongation (m), plastic elongation (m), ...]`` along the first axis; behind these
+    stand the states of the variations, in the order in which their `rates` append them.
+    """
+
+    linear: ClassVar[bool] = True  # the rates are linear in state and inputs; a variation that breaks this says False
+    extra_states: ClassVar[int] = 0  # appended by a variation, zero at the start of a run
+    parameters: RigParameters
+
+    def __post_init__(self) -> None:
+        kinds = [cls for cls in reversed(type(self).__mro__) if issubclass(cls, Physics)]
+        lineage = [cls for cls in kinds if "extra_states" in vars(cls)]
+        ends = np.cumsum([3, *(cls.extra_states for cls in lineage)]).tolist()
+        self._place = {cls: slice(a, b) for cls, a, b in zip(lineage, ends[:-1], ends[1:], strict=True)}
+        self.order: int = ends[-1]
+        self.is_linear = all(vars(cls).get("linear", True) for cls in kinds)
+        self._plain_leakage = type(self).leakage_current is Physics.leakage_current
+
+    def own(self, variation: "type[Physics]", state: Array) -> Array:
+        """Return the states that a variation has appended."""
+        return state[self._place[variation]]
+
+    # --- electrical -------------------------------------------------------------------------------------------------
+
+    def series_resistance(self, state: Array) -> Any:
+        """Return the resistance (ohm) between terminal and films."""
+        return self.parameters.R1
+
+    def capacitance(self, state: Array) -> Any:
+        """Return the capacitance (F) of the films."""
+        return self.parameters.C
+
+    def film_voltage(self, state: Array) -> Any:
+        """Return the voltage (V) that the charge causes."""
+        return state[0] / self.capacitance(state)
+
+    def capacitor_voltage(self, state: Array, force: Any) -> Any:
+        """Return the voltage (V) behind the series resistance."""
+        return self.film_voltage(state)
+
+    def leakage_current(self, voltage: Any) -> Any:
+        """Return the current (A) that passes by the films at a terminal voltage (V); may be any rising function."""
+        return voltage / self.parameters.R2
+
+    def terminal_voltage(self, state: Array, current: Any, force: Any) -> Any:
+        """Return the voltage (V) at which the current into films plus leakage equals the supplied `current` (A)."""
+        films, resistance = self.capacitor_voltage(state, force), self.series_resistance(state)
+        share = self.parameters.R2 / (resistance + self.parameters.R2)
+        voltage = share * (films + resistance * current)
+        if self._plain_leakage:
+            return voltage
+        for _ in range(100):  # Newton's method
+            low, leakage, high = self.leakage_current(np.add.outer(_PROBES, voltage))
+            excess = (voltage - films) / resistance + leakage - current
+            correction = excess / (1 / resistance + (high - low) / (_PROBES[2] - _PROBES[0]))
+            voltage = voltage - correction
+            if np.max(np.abs(correction) - 1e-13 * (1 + np.abs(voltage))) <= 0:
+                return voltage
+        raise RuntimeError(f"no terminal voltage balances the currents: still moving {np.max(np.abs(correction))} V")
+
+    # --- coupling ---------------------------------------------------------------------------------------------------
+
+    def active_charge(self, state: Array) -> Any:
+        """Return the charge (C) that elongates the films."""
+        return state[0]
+
+    def electrochemical_length(self, charge: Any) -> Any:
+        """Return the elongation (m) caused by a record of charge (C)."""
+        return self.parameters.alpha * charge
+
+    # --- mechanical -------------------------------------------------------------------------------------------------
+
+    def spring_length(self, state: Array, force: Any) -> Any:
+        """Return the elongation (m) of the instantaneous spring."""
+        return force / self.parameters.k1
+
+    def creep_force(self, state: Array) -> Any:
+        """Return the force (N) of the creep spring."""
+        return self.parameters.k2 * state[1]
+
+    def creep_drive(self, state: Array, force: Any) -> Any:
+        """Return the force (N) on the creep dashpot."""
+        return force - self.creep_force(state)
+
+    def flow_drive(self, force: Any) -> Any:
+        """Return the force (N) on the viscoplastic dashpot."""
+        return force
+
+    def mechanical_length(self, state: Array, force: Any) -> Any:
+        """Return the elongation (m) of a Burgers body: spring, creep element and dashpot in series."""
+        return self.spring_length(state, force) + state[1] + state[2]
+
+    # --- as a whole -------------------------------------------------------------------------------------------------
+
+    def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
+        """Return the time derivatives of the state."""
+        charging = current - self.leakage_current(self.terminal_voltage(state, current, force))
+        creeping = self.creep_drive(state, force) / self.parameters.b2
+        return [charging, creeping, self.flow_drive(force) / self.parameters.b1]
+
+    def shown(self, run: Run, time: Array) -> Signals:
+        """Return what sensors without noise show at increasing instants (s) of a run: voltage (V), displacement (m)."""
+        state, (current, force) = run.at(time)
+        elongation = self.mechanical_length(state, force) + self.electrochemical_length(self.active_charge(state))
+        return {"voltage": self.terminal_voltage(state, current, force), "displacement": elongation}
+
+
+def together(variations: Sequence[type[Physics]]) -> type[Physics]:
+    """Return the physics with all of these variations."""
+    return make_dataclass("Together", [], bases=(*variations, Physics)) if variations else Physics

@@ -1,0 +1,153 @@
+"""The systems that ship: what is connected with what, and at which step they are good to run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fmus import component
+from fmus.kit import Component
+from fmus.kit.errors import UserError, suggestion
+from orchestration.system import ageing_actuator
+from orchestration.system.model import Member, Port, System, connect
+
+FEET = ("an", "po", "do", "pl")  # the actuators of a foot
+# Tension in N of the actuators with the longer arms while the foot rests; that of their antagonists balances it. Two
+# coulombs slacken an actuator by less than 1 N.
+PRETENSION = {"po": 5.0, "pl": 5.0}
+_ANTAGONIST = {"po": "an", "pl": "do"}
+
+
+def _outputs(*ports: str) -> dict[str, Port]:
+    """Outputs of a system, named after the variables."""
+    pairs = [port.split(".") for port in ports]
+    return {variable: Port(member, variable) for member, variable in pairs}
+
+
+def _bench(name: str, actuator: str, doc: str, runtime: str) -> System:
+    """Return the bench with whatever takes the actuator's place, under a name of its own."""
+    return System(
+        name,
+        (
+            Member.of("bench", component("voice_coil_dma"), {"hold": 0.0}, runtime),
+            Member.of(actuator, component("ppy_actuator_length_driven"), runtime=runtime),
+        ),
+        connect(f"bench.position -> {actuator}.length_change", f"{actuator}.tension -> bench.tension"),
+        {"force_reference": (Port("bench", "force_reference"),), "current": (Port(actuator, "current"),)},
+        _outputs(f"{actuator}.tension", f"{actuator}.voltage", "bench.position", "bench.force_measured"),
+        doc,
+        step=1e-4,  # at 1e-3 a Jacobi master overshoots by a fifth more
+        stop=5.0,
+    )
+
+
+def dma_bench(runtime: str) -> System:
+    """Voice coil that keeps an actuator at a wanted force while current goes through it (thesis section 2.2)."""
+    return _bench("dma_bench", "actuator", _summary(dma_bench), runtime)
+
+
+def hil_bench(runtime: str) -> System:
+    """Bench with a rig proxy in the actuator's place; an ordinary FMU of the actuator stands there.
+
+    The member ``proxy`` has the signals of the actuator, so that another FMU with the same signals can replace it.
+    """
+    return _bench("hil_bench", "proxy", _summary(hil_bench), runtime)
+
+
+def degradation_watch(runtime: str) -> System:
+    """Galvanostat, an actuator that ages, and an estimator that lowers the voltage limit (thesis sections 4.2, 4.3)."""
+    step = 0.1
+    drive = {"protection_period": step, "control_period": step, "voltage_command": 0.0}
+    films = {"C": ageing_actuator.capacitance()} | ageing_actuator.AGEING
+    watch = {"sample_period": step} | ageing_actuator.ESTIMATOR
+    return System(
+        "degradation_watch",
+        (  # the estimator first: it samples what is there before the protection acts on the same sample
+            Member.of("estimator", component("degradation_estimator"), watch, runtime),
+            Member.of("galvanostat", component("galvanostat"), drive, runtime),
+            Member.of("actuator", ageing_actuator.actuator(), films, runtime),
+        ),
+        connect(
+            "galvanostat.current -> actuator.current",
+            "galvanostat.current -> estimator.current",
+            "actuator.voltage -> estimator.voltage",
+            "actuator.voltage -> galvanostat.voltage",
+            "estimator.voltage_limit -> galvanostat.voltage_limit",
+        ),
+        {"current_command": (Port("galvanostat", "current_command"),), "force": (Port("actuator", "force"),)},
+        _outputs("galvanostat.current", "actuator.voltage", "actuator.displacement", "estimator.voltage_limit"),
+        _summary(degradation_watch),
+        step=step,
+        stop=18000.0,
+    )
+
+
+def foot_gait(runtime: str) -> System:
+    """Foot that moves under four actuators, each driven by its current (thesis chapter 5)."""
+    foot: Any = component("foot_dynamic")
+    actuator: Any = component("ppy_actuator_length_driven")
+    stiffness = actuator().k1
+    wires = [
+        (f"foot.{a}_length_change -> {a}.length_change", f"{a}.tension -> foot.{a}_tension") for a in FEET
+    ]  # fmt: skip
+    return System(
+        "foot_gait",
+        (
+            Member.of("foot", foot, runtime=runtime),
+            # an actuator that has flowed to a shorter length than it is held at is under tension
+            *(
+                Member.of(a, actuator, {"maxwell_elongation_start": -tension / stiffness}, runtime)
+                for a, tension in sorted(balanced(foot()).items(), key=lambda pair: FEET.index(pair[0]))
+            ),
+        ),
+        connect(*(wire for pair in wires for wire in pair)),
+        {f"{a}_current": (Port(a, "current"),) for a in FEET}
+        | {f"toe_force_{axis}": (Port("foot", f"toe_force_{axis}"),) for axis in "xy"},
+        _outputs("foot.ankle_angle", "foot.tm_angle", "foot.mtp_angle", "foot.toe_x", "foot.toe_y"),
+        _summary(foot_gait),
+        step=1e-4,  # at 5e-4 a Jacobi master lets the toe oscillate ever more
+        stop=2.0,
+    )
+
+
+def balanced(foot: Component) -> dict[str, float]:
+    """Tensions in N of the four actuators under which the foot rests in its reference configuration.
+
+    Parameters
+    ----------
+    foot : Component
+        A foot at zero joint angles, with the arms of its actuators as laws.
+    """
+    tensions = dict(PRETENSION)
+    for one, other in _ANTAGONIST.items():
+        arm, against = (getattr(foot, f"{a}_arm")() for a in (one, other))
+        tensions[other] = -PRETENSION[one] * arm / against
+    return tensions
+
+
+def _summary(make: Callable[[str], System]) -> str:
+    return (make.__doc__ or "").splitlines()[0]
+
+
+_SYSTEMS = {make.__name__: make for make in (dma_bench, degradation_watch, foot_gait, hil_bench)}
+NAMES = tuple(_SYSTEMS)
+SUMMARIES = {name: _summary(make) for name, make in _SYSTEMS.items()}
+
+
+def system(name: str, runtime: str = "native") -> System:
+    """Return a system that ships; its FMUs are built unless the cache has them.
+
+    Parameters
+    ----------
+    name : {"dma_bench", "degradation_watch", "foot_gait", "hil_bench"}
+    runtime : {"native", "python"}
+        Which build of its members.
+
+    Raises
+    ------
+    UserError
+        If there is no such system or runtime, or an FMU cannot be built.
+    """
+    if name not in _SYSTEMS:
+        raise UserError(f"no system named {name!r}{suggestion(name, _SYSTEMS)}")
+    return _SYSTEMS[name](runtime)

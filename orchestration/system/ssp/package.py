@@ -1,0 +1,136 @@
+"""The files of a system: an archive that nobody has to trust, or a folder."""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+from pathlib import Path, PurePosixPath
+from types import TracebackType
+from urllib.parse import unquote
+
+from fmus.kit.build import archive
+from fmus.kit.errors import UserError
+from orchestration.fmu.archive import UNREADABLE
+from orchestration.system.ssp.vocabulary import DESCRIPTION
+
+LARGEST = 2**30  # bytes that an archive, or an FMU in it, may unpack to; ours are below a megabyte
+LARGEST_TEXT = 2**26  # bytes of an XML file
+
+
+class Package:
+    """A system's files; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        An ``.ssp`` archive, or an ``.ssd`` description whose folder the files are in.
+
+    Raises
+    ------
+    UserError
+        If it cannot be opened, is no SSP, or is one that would write outside its folder or fill the disk.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self._zip: zipfile.ZipFile | None = None
+        if not path.is_file():
+            raise UserError(f"{path}: {'a folder, not a system' if path.is_dir() else 'no such file'}")
+        if path.suffix.lower() == ".ssd":
+            self.description = path.name
+            return
+        self.description = DESCRIPTION
+        self._zip = _opened(path, str(path))
+        try:
+            if DESCRIPTION not in self._zip.namelist():
+                raise UserError(f"{path}: a zip archive but no SSP ({DESCRIPTION} is not in it)")
+        except UserError:
+            self._zip.close()
+            raise
+
+    def __enter__(self) -> Package:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._zip is not None:
+            self._zip.close()
+
+    def text(self, name: str) -> bytes:
+        """Contents of an XML file.
+
+        Raises
+        ------
+        UserError
+            If it is not there, damaged or too large.
+        """
+        name = self._inside(name)
+        if self._zip is None:
+            file = self.path.parent / name
+            size = file.stat().st_size if file.is_file() else 0
+        else:
+            size = self._zip.getinfo(name).file_size if name in self._zip.namelist() else 0
+        if size > LARGEST_TEXT:
+            raise UserError(f"{self.path}: {name} has {size} bytes; at most {LARGEST_TEXT} are read")
+        return self._read(name)
+
+    def _read(self, name: str) -> bytes:
+        try:
+            return (self.path.parent / name).read_bytes() if self._zip is None else self._zip.read(name)
+        except (KeyError, FileNotFoundError) as error:
+            raise UserError(f"{self.path}: {name} is missing") from error
+        except UNREADABLE as error:
+            raise UserError(f"{self.path}: {name} cannot be read ({error})") from error
+
+    def fmu(self, source: str, folder: Path) -> Path:
+        """Path of an FMU; one from an archive is unpacked into a folder.
+
+        Raises
+        ------
+        UserError
+            If it is not there, damaged, or would write outside its own folder or fill the disk.
+        """
+        name = self._inside(source)
+        path = self.path.parent / name
+        if self._zip is not None:
+            path = folder / name
+            archive.write(path, self._read(name))
+        elif not path.is_file():
+            raise UserError(f"{self.path}: {name} is missing")
+        _opened(path, f"{self.path}: {name}").close()
+        return path
+
+    def _inside(self, source: str) -> str:
+        """Path of a file, as the description names it by its URI, which must not lead elsewhere."""
+        name = unquote(source)
+        if _leads_out(name) or "://" in name:
+            raise UserError(f"{self.path}: {name!r} leads out of the folder of the system")
+        return str(PurePosixPath(name))
+
+
+def _opened(path: Path, label: str) -> zipfile.ZipFile:
+    """Open a zip archive after a look at what is in it."""
+    try:
+        opened = zipfile.ZipFile(path)
+    except UNREADABLE as error:
+        raise UserError(f"{label}: not a zip archive, or one that is cut off") from error
+    try:
+        total = 0
+        for entry in opened.infolist():
+            if _leads_out(entry.filename):
+                raise UserError(f"{label}: {entry.filename!r} leads out of the archive; it is not opened")
+            if stat.S_ISLNK(entry.external_attr >> 16):
+                raise UserError(f"{label}: {entry.filename!r} is a symbolic link; it is not opened")
+            total += entry.file_size
+        if total > LARGEST:
+            raise UserError(f"{label}: unpacks to {total:.3g} bytes; at most {LARGEST:.3g} are unpacked")
+    except UserError:
+        opened.close()
+        raise
+    return opened
+
+
+def _leads_out(name: str) -> bool:
+    """Whether a path is absolute anywhere, climbs, or names a drive."""
+    return not name or "\\" in name or ":" in name or "\0" in name or name.startswith("/") or ".." in name.split("/")

@@ -1,0 +1,123 @@
+"""The effects of the galvanostat: exactly the base at neutral, what its equation says elsewhere, and nothing else."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fmus
+from fmus.galvanostat.effects import EFFECTS, CurrentSaturation
+from fmus.galvanostat.model import Galvanostat
+from fmus.kit import stack
+from fmus.kit.integrate import Integrator
+from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.symbolic.trace import trace
+
+CLIPPED = stack(Galvanostat, CurrentSaturation)
+
+
+def random_values(cls, seed, size=None):
+    """Any input and state within what can occur, parameters about their defaults; the neutral one is left alone."""
+    rng = np.random.default_rng(seed)
+    values = {p.name: p.start * rng.uniform(0.3, 3.0, size) for p in cls.layout.parameters if p.type == "real"}
+    for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes):
+        values[v.name] = rng.normal(size=size) * 3.0
+    values["recovery_samples"] = np.floor(rng.uniform(0, 2, size)) * 5.0
+    values["compliance_share"] = rng.uniform(0.1, 1.0, size)
+    return values if size else {name: float(value) for name, value in values.items()}
+
+
+def laws(cls, values):
+    model = cls()
+    for name, value in values.items():
+        setattr(model, name, value)
+    updates = [getattr(model, d.update)() for d in cls.layout.discretes]
+    return [*model.rates(), *model.outputs(), *updates]
+
+
+def test_catalogue():
+    readme = (Path(fmus.__file__).parent / "galvanostat" / "README.md").read_text(encoding="utf-8")
+    numbered = re.findall(r"^(\d+)\. ", readme, re.M)
+    assert fmus.effects("galvanostat") == EFFECTS
+    for name, effect in EFFECTS.items():
+        assert effect.id == name
+        assert str(effect.assumption) in numbered
+        assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
+        neutral = effect.declared[effect.neutral]
+        assert neutral.start == 0.0
+        assert f"| `{name}` | {effect.assumption} | `{effect.neutral}`" in readme
+        for v in effect.declared.values():
+            assert v.doc
+            assert v.min <= v.start <= v.max
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), potentiostat=st.booleans())
+def test_neutral_is_bit_identical_on_floats(seed, potentiostat):
+    values = random_values(Galvanostat, seed) | {"potentiostat": potentiostat}
+    assert laws(CLIPPED, values) == laws(Galvanostat, values)
+
+
+def test_neutral_is_bit_identical_on_arrays():
+    values = random_values(Galvanostat, 1, size=1000)
+    for found, expected in zip(laws(CLIPPED, values), laws(Galvanostat, values), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_neutral_is_bit_identical_in_the_graph():
+    graphs = {cls: trace(cls) for cls in (Galvanostat, CLIPPED)}
+    functions = {cls: graph.functions(tangent=False) for cls, graph in graphs.items()}
+    for seed in range(50):
+        values = random_values(Galvanostat, seed)
+        results = []
+        for cls, (*parts,) in functions.items():
+            point = graphs[cls].point(**values)
+            results.append([np.asarray(f(0.0, *point)) for f in parts if f.name() != "tangent"])
+        for found, expected in zip(*results, strict=True):
+            np.testing.assert_array_equal(found, expected)
+
+
+def record():
+    """A square wave at the limit of the instrument, as in section 4.3."""
+    time = 0.05 * np.arange(400)
+    command = np.where(time % 10.0 < 5.0, 1.3, -1.3)
+    return time, {"current_command": command, "voltage": 0.8 * np.sin(0.3 * time)}
+
+
+def test_neutral_runs_are_the_base_run():
+    time, inputs = record()
+    base, effect = (CompiledModel(cls).run(time, inputs).signals for cls in (Galvanostat, CLIPPED))
+    for name, values in base.items():
+        np.testing.assert_array_equal(effect[name], values)
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.5, 0.999])
+def test_the_drive_clips_earlier_and_is_otherwise_the_same(loss):
+    model = CLIPPED(current_limit_loss=loss)
+    for command in np.linspace(-3.0, 3.0, 101):
+        model.current_command = float(command)
+        current, saturated, recovering = model.outputs()
+        limit = (1.0 - loss) * 1.3
+        assert current == pytest.approx(np.clip(command, -limit, limit), rel=1e-15)
+        assert saturated == (abs(command) > limit)
+        assert not recovering
+    model.voltage, model.voltage_limit = 2.0, 1.0
+    Integrator(model).advance(0.0, 0.495)
+    assert model.recovering()
+    assert model.current() == 0.0
+
+
+def test_slope_at_neutral_is_that_of_the_limit():
+    """With respect to the loss: -I where the command is at the limit or beyond; exact, beside central differences."""
+    time, inputs = record()
+    inputs = inputs | {"current_command": 1.2 * inputs["current_command"]}
+    found = CompiledModel(CLIPPED, ["current_limit_loss"]).run(time, inputs).sensitivities["current"][:, 0]
+    assert found == pytest.approx(-1.3 * np.sign(inputs["current_command"]), rel=1e-12)
+    ends = [CompiledModel(CLIPPED).run(time, inputs, {"current_limit_loss": 0.1 + s}).signals for s in (1e-4, -1e-4)]
+    assert (ends[0]["current"] - ends[1]["current"]) / 2e-4 == pytest.approx(found, rel=1e-9)
+    inputs = inputs | {"current_command": 0.5 * inputs["current_command"]}
+    below = CompiledModel(CLIPPED, ["current_limit_loss"]).run(time, inputs).sensitivities["current"]
+    assert not below.any(), "below the limit nothing is seen of it"

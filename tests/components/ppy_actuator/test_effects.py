@@ -1,0 +1,303 @@
+"""Each effect is exactly the base model at its neutral value, moves what it should elsewhere, and can be fitted."""
+
+import ast
+import inspect
+import itertools
+import math
+import re
+import textwrap
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fmus
+from fmus.kit import stack
+from fmus.kit.integrate import Integrator
+from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.symbolic.trace import trace
+from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
+from tests.support.effect_samples import ACTIVE, NEUTRAL, active, bases, effects, named, random_values
+
+# What an active effect changes at an instant, beside its own state.
+ELECTRICAL = {"voltage", "der(charge)"}
+CREEP, FLOW = "der(kelvin_elongation)", "der(maxwell_elongation)"
+STRAIN = {"electrochemical_displacement", "displacement"}
+LENGTH = {"mechanical_displacement", "displacement"}
+TENSION = {"tension", CREEP, FLOW}  # length-driven, elongation changes the tension, and that the rates
+CHANGED = {
+    PpyActuator: {
+        **dict.fromkeys(("quadratic_strain", "strain_saturation", "strain_lag", "strain_hysteresis"), STRAIN),
+        **dict.fromkeys(("second_kelvin", "nonlinear_stiffness", "slack"), LENGTH),
+        "charge_dependent_stiffness": {*LENGTH, CREEP},
+        "asymmetric_creep": {CREEP},
+        "yield_threshold": {FLOW},
+    },
+    PpyActuatorLengthDriven: {
+        **dict.fromkeys(
+            ("quadratic_strain", "strain_saturation", "strain_lag", "strain_hysteresis"),
+            TENSION | {"electrochemical_displacement", "mechanical_displacement"},
+        ),
+        "second_kelvin": {"mechanical_displacement", *TENSION},
+        **dict.fromkeys(("nonlinear_stiffness", "slack", "charge_dependent_stiffness"), TENSION),
+        "asymmetric_creep": {CREEP},
+        "yield_threshold": {FLOW},
+    },
+}
+# Taut, the mechanical displacement is what the length leaves, however the spring: it changes by rounding only.
+ROUNDED = {(PpyActuatorLengthDriven, n) for n in ("nonlinear_stiffness", "slack", "charge_dependent_stiffness")}
+# Effects that are laid one over the other, so that their order matters.
+LAYERED = [
+    *itertools.combinations(("quadratic_strain", "strain_saturation", "strain_lag"), 2),
+    ("quadratic_strain", "strain_hysteresis"), ("strain_saturation", "strain_hysteresis"),
+    ("nonlinear_stiffness", "slack"),
+]  # fmt: skip
+seeds = st.integers(0, 2**32 - 1)
+readme = (Path(fmus.__file__).parent / "ppy_actuator" / "README.md").read_text(encoding="utf-8")
+
+
+def test_catalogue():
+    numbered = re.findall(r"^(\d+)\. ", readme, re.M)
+    assert set(ACTIVE) == set(EFFECTS)
+    for name, effect in EFFECTS.items():
+        assert effect.id == name
+        assert effect.__doc__
+        assert str(effect.assumption) in numbered
+        assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
+        own = [v for v in effect.declared.values() if v.name in {p.name for p in effect.layout.parameters}]
+        assert NEUTRAL[name] in [v.name for v in own]
+        for v in effect.declared.values():
+            assert v.doc
+            assert v.unit
+            assert v.min <= v.start <= v.max
+        for p in own:
+            assert math.isfinite(p.min)
+            assert math.isfinite(p.max)
+        for state in effect.layout.states:
+            assert state.start == 0.0, "at rest"
+    names = [v for effect in EFFECTS.values() for v in effect.declared]
+    assert len(names) == len(set(names)), "effects must not share variables"
+
+
+def test_table_of_the_readme():
+    rows = re.findall(r"^\| `(\w+)` \| (\d+) \| `(\w+)`", readme, re.M)
+    assert rows == [(name, str(effect.assumption), effect.neutral) for name, effect in EFFECTS.items()]
+
+
+def test_catalogue_has_the_ids_of_the_design():
+    assert list(EFFECTS) == [
+        "double_layer", "diffusion", "nonlinear_leakage", "charge_dependent_capacitance", "resistance_growth",
+        "capacitance_fade", "self_heating", "force_to_voltage", "quadratic_strain", "strain_saturation", "strain_lag",
+        "strain_hysteresis", "charge_dependent_stiffness", "second_kelvin", "nonlinear_stiffness", "asymmetric_creep",
+        "yield_threshold", "slack",
+    ]  # fmt: skip
+
+
+# --- neutral ----------------------------------------------------------------------------------------------------------
+
+
+@bases
+@pytest.mark.parametrize("chosen", [*((n,) for n in EFFECTS), tuple(EFFECTS), tuple(reversed(EFFECTS))], ids="+".join)
+@settings(deadline=None, max_examples=25)
+@given(seed=seeds)
+def test_neutral_is_bit_identical_on_floats(base, chosen, seed):
+    cls = stack(base, *(EFFECTS[n] for n in chosen))
+    values = random_values(cls, seed) | {NEUTRAL[n]: 0.0 for n in chosen}
+    known = {v.name for v in base.layout.variables}
+    expected = named(base, {n: v for n, v in values.items() if n in known})
+    found = named(cls, values)
+    assert {n: found[n] for n in expected} == expected
+
+
+@bases
+@effects
+def test_neutral_is_bit_identical_on_arrays(base, name):
+    cls = stack(base, EFFECTS[name])
+    values = random_values(cls, 1, size=1000) | {NEUTRAL[name]: 0.0}
+    known = {v.name for v in base.layout.variables}
+    expected = named(base, {n: v for n, v in values.items() if n in known})
+    found = named(cls, values)
+    for n, array in expected.items():
+        np.testing.assert_array_equal(found[n], array)
+
+
+@bases
+@effects
+def test_neutral_is_bit_identical_in_the_graph(base, name):
+    cls = stack(base, EFFECTS[name])
+    graph, reference = trace(cls), trace(base)
+    functions = {f.name(): f for f in graph.functions(tangent=False)}
+    references = {f.name(): f for f in reference.functions(tangent=False)}
+    states = len(base.layout.states)
+    for seed in range(50):
+        values = random_values(cls, seed) | {NEUTRAL[name]: 0.0}
+        point = [np.array([values[v.name] for v in g]) for g in (cls.layout.parameters, cls.layout.inputs)]
+        point += [np.array([values[v.name] for v in cls.layout.states]), np.zeros(0)]
+        base_point = [np.array([values[v.name] for v in g]) for g in (base.layout.parameters, base.layout.inputs)]
+        base_point += [np.array([values[v.name] for v in base.layout.states]), np.zeros(0)]
+        for law in ("rates", "outputs"):
+            found, expected = (f[law](0.0, *p).full() for f, p in ((functions, point), (references, base_point)))
+            np.testing.assert_array_equal(found[: states if law == "rates" else None], expected)
+
+
+@bases
+@effects
+def test_neutral_runs_are_the_base_run(base, name):
+    """Through the integrator only the internal step can differ, which the effect's own state takes part in choosing.
+
+    The slack actuator is the hard case: going taut is a kink, and what a step across it costs depends on the step.
+    """
+    runs = []
+    for cls in (base, stack(base, EFFECTS[name])):
+        model = cls()
+        integrator = Integrator(model)
+        rows = []
+        for k in range(50):
+            model.current = 0.9 if k % 20 < 10 else -0.9
+            integrator.advance(k * 0.1, 0.1)
+            rows.append(model.outputs())
+        runs.append(np.array(rows))
+    tolerated = 1e-5 if base is PpyActuatorLengthDriven else 1e-8
+    assert (np.abs(runs[1] - runs[0]).max(axis=0) <= tolerated * np.abs(runs[0]).max(axis=0)).all()
+
+
+@bases
+@effects
+def test_the_model_moves_smoothly_away_from_neutral(base, name):
+    cls = stack(base, EFFECTS[name])
+    values = random_values(cls, 3)
+    at_zero = named(cls, values | {NEUTRAL[name]: 0.0})
+    near = named(cls, values | {NEUTRAL[name]: 1e-12})
+    assert {n: near[n] for n in near} == pytest.approx(at_zero, rel=1e-5, abs=1e-9)
+
+
+# --- active: what changes, and what does not --------------------------------------------------------------------------
+
+
+@bases
+@effects
+def test_an_active_effect_changes_what_it_should_and_nothing_else(base, name):
+    """Everything else keeps its bits."""
+    cls = stack(base, EFFECTS[name])
+    changed, rounded = set(), set()
+    for seed in range(50):
+        values = random_values(cls, seed) | ACTIVE[name]
+        plain = named(cls, values | {NEUTRAL[name]: 0.0})
+        found = named(cls, values)
+        moved = {n for n in named(base, {}) if plain[n] != found[n]}
+        changed |= {n for n in moved if plain[n] != pytest.approx(found[n], rel=1e-9, abs=1e-15)}
+        rounded |= moved
+    assert changed == CHANGED[base].get(name, ELECTRICAL)
+    assert rounded - changed <= ({"mechanical_displacement"} if (base, name) in ROUNDED else set())
+
+
+# --- stacks -----------------------------------------------------------------------------------------------------------
+
+
+@bases
+def test_order_does_not_matter_where_laws_differ(base):
+    """Pairs of `LAYERED` are laid one over the other; every other pair commutes but for rounding."""
+    for pair in itertools.combinations(EFFECTS, 2):
+        forth, back = (stack(base, *(EFFECTS[n] for n in order)) for order in (pair, pair[::-1]))
+        values = random_values(forth, 5) | active(pair) | {"length_change": 5e-3, "charge": 3.0}
+        values = {n: v for n, v in values.items() if n in forth.layout.names}
+        one, other = named(forth, values), named(back, values)
+        same = one == pytest.approx(other, rel=1e-12, abs=1e-18)
+        assert same == (pair not in LAYERED), pair
+
+
+@bases
+def test_all_effects_agree_on_floats_arrays_and_symbols(base):
+    cls = stack(base, *EFFECTS.values())
+    arrays = random_values(cls, 7, size=40) | active(EFFECTS)
+    batch = named(cls, arrays)
+    graph = trace(cls)
+    rates, outputs, *_ = graph.functions(tangent=False)
+    layout = cls.layout
+    for i in range(40):
+        values = {n: float(np.broadcast_to(v, 40)[i]) for n, v in arrays.items()}
+        single = named(cls, values)
+        point = [[values[v.name] for v in g] for g in (layout.parameters, layout.inputs, layout.states)]
+        symbolic = ca.vertcat(rates(0.0, *point, []), outputs(0.0, *point, [])).full().ravel()
+        assert symbolic == pytest.approx(list(single.values()), rel=1e-11, abs=1e-15)
+        assert [float(v[i]) for v in batch.values()] == pytest.approx(list(single.values()), rel=1e-12, abs=1e-15)
+
+
+# --- fitting starts at the neutral value ------------------------------------------------------------------------------
+
+
+@bases
+def test_parameter_sensitivities_are_finite_at_neutral(base):
+    """Identification starts there: no law may divide zero by zero in its derivative."""
+    cls = stack(base, *EFFECTS.values())
+    graph = trace(cls)
+    expressions = ca.vertcat(graph.rates, graph.outputs)
+    known = ca.vertcat(graph.parameters, graph.states)
+    f = ca.Function("j", graph.arguments, [ca.jacobian(expressions, known)])
+    for charge in (0.0, 1.0):
+        assert np.isfinite(f(0.0, *graph.point(charge=charge, current=0.5)).full()).all()
+
+
+STEP, STEPS = 0.1, 600
+TIME = STEP * np.arange(STEPS)
+CURRENT = 0.9 * np.where(np.arange(STEPS) % 50 < 25, 1.0, -1.0) + 0.2
+LOAD = np.where(np.arange(STEPS) % 200 < 120, 2.0, 0.0)
+INPUTS = {
+    PpyActuator: {"current": CURRENT, "force": LOAD},
+    PpyActuatorLengthDriven: {"current": CURRENT, "length_change": 3e-4 * LOAD},
+}
+
+
+@pytest.fixture(scope="module")
+def models():
+    """All effects at once, neutral: with the sensitivities to what switches them, and plain."""
+    made = {}
+
+    def get(base):
+        if base not in made:
+            cls = stack(base, *EFFECTS.values())
+            found = CompiledModel(cls, list(NEUTRAL.values())).run(TIME, INPUTS[base]).sensitivities
+            made[base] = found, CompiledModel(cls)
+        return made[base]
+
+    return get
+
+
+@bases
+@effects
+def test_sensitivity_at_neutral_is_that_of_differences_and_not_zero(base, name, models):
+    """Where identification begins: a slope of zero there would hide the effect from it."""
+    (found, model), declared = models(base), EFFECTS[name].declared[NEUTRAL[name]]
+    step, seen = 1e-3 * declared.nominal, []
+    # to both sides, or into the range where neutral is the end of it; both of second order
+    weights = {0.0: -1.5, 1.0: 2.0, 2.0: -0.5} if declared.min == 0.0 else {1.0: 0.5, -1.0: -0.5}
+    runs = {k: model.run(TIME, INPUTS[base], {NEUTRAL[name]: k * step}).signals for k in weights}
+    for output in (o.name for o in base.layout.outputs):
+        slope = sum(weight / step * runs[k][output] for k, weight in weights.items())
+        floor = 1e-8 * np.abs(runs[1.0][output]).max() / step  # what the accuracy of the runs leaves of nothing
+        exact = found[output][:, list(EFFECTS).index(name)]
+        assert exact == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max() + floor)
+        seen.append(np.abs(slope * declared.nominal).max() / runs[1.0][output].std())
+    assert max(seen) > 1e-3  # a change by the nominal value is seen
+
+
+# --- the rule that keeps laws and measurements apart ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", fmus.COMPONENTS)
+def test_no_law_uses_an_output(name):
+    """Then an effect of the measurement, laid over an output, cannot change the physics."""
+    component = fmus.component(name)
+    outputs = {o.name for o in component.layout.outputs}
+    assert not outputs & {s.rate for s in component.layout.states}
+    assert not outputs & {d.update for d in component.layout.discretes}
+    classes = {part for cls in (component, *fmus.effects(name).values()) for part in cls.__mro__}
+    for cls in (c for c in classes if c.__module__.startswith(component.__module__.rpartition(".")[0])):
+        tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
+        for law in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+            used = {node.attr for node in ast.walk(law) if isinstance(node, ast.Attribute)}
+            assert not used & (outputs - {law.name}), f"{cls.__name__}.{law.name}"

@@ -1,0 +1,200 @@
+"""Effects of the bench: the base model to the bit at neutral, their own equation elsewhere."""
+
+import itertools
+import math
+import re
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import fmus
+from fmus.kit import stack
+from fmus.kit.integrate import Integrator
+from fmus.kit.symbolic.trace import trace
+from fmus.voice_coil_dma.effects import EFFECTS
+from fmus.voice_coil_dma.model import VoiceCoilDma
+
+NEUTRAL = {name: effect.neutral for name, effect in EFFECTS.items()}
+ACTIVE = {
+    "coulomb_friction": {"coulomb_force": 0.3, "coulomb_velocity": 2e-3},
+    "asymmetric_friction": {"asymmetric_force": 0.2, "asymmetric_velocity": 2e-3},
+    "position_dependent_force_constant": {"force_constant_falloff": 1e4, "force_constant_centre": 2e-3},
+    "amplifier_saturation": {"amplifier_saturation_coefficient": 5.0**-2},
+}
+CHANGED = {
+    "coulomb_friction": {"der(velocity)"},
+    "asymmetric_friction": {"der(velocity)"},
+    "position_dependent_force_constant": {"der(velocity)", "der(coil_current)"},
+    "amplifier_saturation": {"coil_voltage", "der(coil_current)"},
+}
+effects = pytest.mark.parametrize("name", EFFECTS)
+
+
+def random_values(cls, seed):
+    """Parameters about their defaults, and any state and input."""
+    rng = np.random.default_rng(seed)
+    values = {p.name: float(p.start) * rng.uniform(0.3, 3.0) for p in cls.layout.parameters if p.type == "real"}
+    for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes):
+        if v.type == "real":
+            values[v.name] = v.nominal * rng.normal() * 3.0
+    values["voltage_command"] = rng.uniform(0.5, 3.0)
+    return values
+
+
+def named(cls, values):
+    """Rates, outputs and next sampled values by name."""
+    model = cls()
+    for name, value in values.items():
+        setattr(model, name, value)
+    layout = cls.layout
+    result = dict(zip((f"der({s.name})" for s in layout.states), model.rates(), strict=True))
+    result |= dict(zip((o.name for o in layout.outputs), model.outputs(), strict=True))
+    return result | {d.name: getattr(model, d.update)() for d in layout.discretes}
+
+
+def test_catalogue():
+    readme = (Path(fmus.__file__).parent / "voice_coil_dma" / "README.md").read_text(encoding="utf-8")
+    numbered = re.findall(r"^(\d+)\. ", readme, re.M)
+    assert fmus.effects("voice_coil_dma") is EFFECTS
+    for name, effect in EFFECTS.items():
+        assert effect.id == name
+        assert f"`{name}`" in readme
+        assert f"`{effect.neutral}`" in readme
+        assert str(effect.assumption) in numbered
+        assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
+        for v in effect.declared.values():
+            assert v.doc
+            assert math.isfinite(v.min)
+            assert math.isfinite(v.max)
+            assert v.min <= v.start <= v.max
+
+
+@pytest.mark.parametrize("chosen", [*((n,) for n in EFFECTS), tuple(EFFECTS)], ids="+".join)
+def test_neutral_is_bit_identical(chosen):
+    cls = stack(VoiceCoilDma, *(EFFECTS[n] for n in chosen))
+    known = {v.name for v in VoiceCoilDma.layout.variables}
+    for seed in range(200):
+        values = random_values(cls, seed) | {NEUTRAL[n]: 0.0 for n in chosen}
+        expected = named(VoiceCoilDma, {n: v for n, v in values.items() if n in known})
+        assert named(cls, values) == expected
+
+
+@effects
+def test_neutral_is_bit_identical_in_the_graph(name):
+    cls = stack(VoiceCoilDma, EFFECTS[name])
+    known = {v.name for v in VoiceCoilDma.layout.variables}
+    graphs = {c: {f.name(): f for f in trace(c).functions()} for c in (cls, VoiceCoilDma)}
+    for seed in range(20):
+        values = {v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs)}
+        values |= random_values(cls, seed) | {NEUTRAL[name]: 0.0}
+        found = []
+        for c, functions in graphs.items():
+            layout = c.layout
+            groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
+            point = [np.array([values[v.name] for v in g if c is cls or v.name in known], dtype=float) for g in groups]
+            found.append([functions[law](0.0, *point).full() for law in ("rates", "outputs")])
+        for one, other in zip(*found, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@effects
+def test_an_active_effect_changes_what_it_should_and_nothing_else(name):
+    cls, changed = stack(VoiceCoilDma, EFFECTS[name]), set()
+    for seed in range(50):
+        values = random_values(cls, seed) | ACTIVE[name]
+        plain, active = named(cls, values | {NEUTRAL[name]: 0.0}), named(cls, values)
+        changed |= {n for n in plain if plain[n] != active[n]}
+    assert changed == CHANGED[name]
+
+
+@effects
+def test_the_slope_at_neutral_is_finite_and_not_zero(name):
+    """Identification starts there; the slope of the graph is that of central differences."""
+    cls = stack(VoiceCoilDma, EFFECTS[name])
+    graph = trace(cls)
+    column = [p.name for p in cls.layout.parameters].index(NEUTRAL[name])
+    f = ca.Function("j", graph.arguments, [ca.jacobian(graph.rates, graph.parameters)[:, column]])
+    values = {v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs)} | random_values(cls, 3)
+    values |= {NEUTRAL[name]: 0.0}
+    groups = (cls.layout.parameters, cls.layout.inputs, cls.layout.states, cls.layout.discretes)
+    found = f(0.0, *[np.array([values[v.name] for v in g], dtype=float) for g in groups]).full().ravel()
+    step = 1e-4 * (cls.declared | EFFECTS[name].declared)[NEUTRAL[name]].nominal
+    ends = [named(cls, values | {NEUTRAL[name]: sign * step}) for sign in (1.0, -1.0)]
+    slope = [(ends[0][f"der({s.name})"] - ends[1][f"der({s.name})"]) / (2 * step) for s in cls.layout.states]
+    assert found == pytest.approx(slope, rel=1e-3, abs=1e-6 * np.abs(slope).max())
+    assert np.abs(found).max() > 0
+
+
+# --- against equations written out here -------------------------------------------------------------------------------
+
+R, L, K, M, B = 3.0, 1e-3, 3.9, 0.03, 6.0
+COMMANDS = (4.0, 1.0, 9.0, 0.0)
+
+
+def open_loop(cls, **values):
+    """Current, position and velocity under a staircase of voltage, the tension a held share of the command."""
+    model = cls(controller_on=False, **values)
+    integrator, rows = Integrator(model), []
+    for k, volts in enumerate(COMMANDS):
+        model.force_reference, model.tension = volts, 1.1 * volts
+        for j in range(10):
+            integrator.advance((10 * k + j) / 30.0, 1.0 / 30.0)
+            rows.append([model.coil_current, model.position, model.velocity])
+    return np.array(rows)
+
+
+def exact(friction=lambda v: B * v, constant=lambda x: K, drive=lambda u: u):
+    """The same by a stiff solver."""
+    state, rows = np.zeros(3), []
+    for volts in COMMANDS:
+        for _ in range(10):
+
+            def rates(t, y, volts=volts):
+                i, x, v = y
+                k = constant(x)
+                return [(drive(volts) - R * i - k * v) / L, v, (k * i - friction(v) - 1.1 * volts) / M]
+
+            state = solve_ivp(rates, (0, 1 / 30), state, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
+            rows.append(state)
+    return np.array(rows)
+
+
+LAWS = {
+    "coulomb_friction": {"friction": lambda v: B * v + 0.3 * math.tanh(v / 2e-3)},
+    "asymmetric_friction": {
+        "friction": lambda v: B * v + 0.2 * math.tanh(v / 2e-3) * (1 + math.tanh(v / 2e-3)) / 2
+    },
+    "position_dependent_force_constant": {"constant": lambda x: K / (1 + 1e4 * (x - 2e-3) ** 2)},
+    "amplifier_saturation": {"drive": lambda u: 5 * math.tanh(u / 5)},
+}  # fmt: skip
+
+
+@effects
+def test_an_effect_follows_its_equation(name):
+    found = open_loop(stack(VoiceCoilDma, EFFECTS[name]), **ACTIVE[name])
+    solution = exact(**LAWS[name])
+    assert (np.abs(found - solution).max(axis=0) < 1e-6 * np.abs(solution).max(axis=0)).all()
+    assert np.abs(found - exact()).max() > 1e-3  # and it is seen
+
+
+def test_friction_takes_energy_and_its_directions_differ():
+    cls = stack(VoiceCoilDma, *EFFECTS.values())
+    model = cls(b_vc=0.0, **ACTIVE["coulomb_friction"], **ACTIVE["asymmetric_friction"])
+    for v in np.linspace(-0.1, 0.1, 401):
+        model.velocity = float(v)
+        assert model.slide_friction() * v >= 0.0
+    forces = []
+    for v in (0.1, -0.1):
+        model.velocity = v
+        forces.append(model.slide_friction())
+    assert forces == pytest.approx([0.3 + 0.2, -0.3])
+
+
+@pytest.mark.parametrize("pair", list(itertools.combinations(EFFECTS, 2)), ids="+".join)
+def test_order_does_not_matter(pair):
+    forth, back = (stack(VoiceCoilDma, *(EFFECTS[n] for n in order)) for order in (pair, pair[::-1]))
+    values = random_values(forth, 5) | ACTIVE[pair[0]] | ACTIVE[pair[1]]
+    assert named(forth, values) == pytest.approx(named(back, values), rel=1e-12)

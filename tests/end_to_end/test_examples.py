@@ -1,0 +1,238 @@
+"""The models in ``examples/`` against the public records they are for: what an effect gains, and known parameters."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import butter, filtfilt, resample
+
+from fmus import COMPONENTS, component, effects
+from fmus.kit import UserError, stack
+from fmus.kit.record.compiled import CompiledModel
+from orchestration.fmu.model import catalogue, find_model, load_class
+from orchestration.identify.grey_box import fit
+from orchestration.identify.metrics import fit_percent
+from orchestration.records import read_record
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def example(place, *effects):
+    """A class of the examples with effects of its own catalogue laid over, and the parameters that those bring."""
+    base = load_class(str(EXAMPLES / place))
+    laid = [catalogue(base)[name] for name in effects]
+    own = [p.name for e in laid for p in e.layout.parameters if not p.name.endswith("_start")]
+    return (stack(base, *laid) if laid else base), own
+
+
+# --- EMPS: a positioning stage ----------------------------------------------------------------------------------------
+
+ORDER, PASS = 4, 20.0  # Hz; derivatives are taken of what is left below it
+EDGE = 200  # samples where the filter sees the ends of the record
+
+
+@pytest.fixture(scope="module")
+def emps(public_data):
+    """Time, motor voltage, velocity and acceleration, all through one filter without delay; and the raw voltage."""
+    record = read_record(
+        public_data("emps_positioning_stage.csv"), {"position": "m", "motor_voltage": "V"}, inputs=["motor_voltage"]
+    )
+    time, raw = record.time, record.signals["motor_voltage"]
+    coefficients = butter(ORDER, PASS, fs=1.0 / np.median(np.diff(time)))
+    velocity = np.gradient(filtfilt(*coefficients, record.signals["position"]), time)
+    return time, raw, filtfilt(*coefficients, raw), velocity, np.gradient(velocity, time)
+
+
+def followed(emps, *effects):
+    """Relative error of the force that the stage followed predicts, in percent, and the fit."""
+    time, _, voltage, velocity, acceleration = (signal[EDGE:-EDGE] for signal in emps)
+    cls, own = example("positioning_stage.py:StageFollowed", *effects)
+    own = [name for name in own if not name.endswith("_velocity")]  # within which dry friction changes sign
+    inputs = {"velocity": velocity, "acceleration": acceleration}
+    found = fit(cls, time, inputs, {"motor_voltage": voltage}, ["mass", "damping", *own])
+    predicted = CompiledModel(cls).run(time, inputs, found.values).signals["motor_voltage"]
+    return 100.0 * np.linalg.norm(predicted - voltage) / np.linalg.norm(voltage), found.values
+
+
+def test_force_of_a_stage_needs_dry_and_asymmetric_friction(emps):
+    """The data's manifest has 17.9, 7.1, 3.9 and 2.8 %; the study goes from 4.08 to 3.11 % in its own filter."""
+    errors = {}
+    for laid in (
+        (), ("coulomb_friction",), ("coulomb_friction", "force_offset"), ("coulomb_friction", "asymmetric_friction"),
+        ("coulomb_friction", "asymmetric_friction", "force_offset"),
+    ):  # fmt: skip
+        errors[laid], values = followed(emps, *laid)
+        if len(laid) == 1:  # as published, for mass, viscous and dry friction
+            assert values["mass"] == pytest.approx(95.1, rel=0.01)
+            assert values["damping"] == pytest.approx(203.5, rel=0.02)
+            assert values["friction_coulomb"] == pytest.approx(20.39, rel=0.02)
+        if laid[-1:] == ("force_offset",) and len(laid) == 2:
+            assert values["friction_offset"] == pytest.approx(-3.16, rel=0.02)
+        if laid[-1:] == ("asymmetric_friction",):  # as published, forwards and backwards
+            assert values["damping"] + values["friction_asymmetry"] == pytest.approx(166.7, rel=0.02)
+            assert values["damping"] - values["friction_asymmetry"] == pytest.approx(240.4, rel=0.02)
+    viscous, dry, offset, asymmetric, both = errors.values()
+    assert viscous == pytest.approx(17.9, abs=0.1)
+    assert dry == pytest.approx(7.1, abs=0.1)
+    assert offset == pytest.approx(3.9, abs=0.1)
+    assert asymmetric <= 3.0
+    assert asymmetric - both < 0.02, "an offset has nothing left to explain"
+
+
+def test_a_stage_runs_free_on_its_voltage(emps):
+    """The other causality, on the velocity, in which an error of the force adds up for half a second, M / F_v, only."""
+    time, raw, _, velocity, _ = emps
+    cls, _ = example("positioning_stage.py:PositioningStage", "coulomb_friction", "asymmetric_friction")
+    names = ["mass", "damping", "friction_coulomb", "friction_asymmetry", "velocity_start"]
+    found = fit(cls, time, {"motor_voltage": raw}, {"velocity": velocity}, names).values
+    assert found["mass"] == pytest.approx(95.1, rel=0.03)
+    assert found["damping"] == pytest.approx(203.5, rel=0.06)
+    assert found["friction_coulomb"] == pytest.approx(20.39, rel=0.06)
+    assert found["friction_asymmetry"] == pytest.approx((166.7 - 240.4) / 2.0, rel=0.1)
+
+
+# --- Silverbox: a circuit that obeys Duffing's equation ---------------------------------------------------------------
+
+ARROW, MULTISINE = slice(0, 40_000), 49_000  # the latter is the start of a stretch amid the multisines
+PARTS = 4  # of a sample; the input is smooth, and held over a whole one it would come half a sample late
+FADED = 200  # samples until the start, which nobody measured, is forgotten
+
+
+@pytest.fixture(scope="module")
+def silverbox(public_data):
+    """Parts of the record: time and input between its samples too, and the output, NaN there and at the start."""
+    record = read_record(
+        public_data("silverbox_snls80mV.csv"), {"force": "N", "position": "m"},
+        mapping={"input": "force[N]", "output": "position[m]"}, inputs=["force"],
+    )  # fmt: skip
+    step = float(np.median(np.diff(record.time)))
+
+    def part(chosen):
+        force = resample(record.signals["force"][chosen], PARTS * (chosen.stop - chosen.start))
+        output = np.full(force.size, np.nan)
+        output[FADED * PARTS :: PARTS] = record.signals["position"][chosen][FADED:]
+        held = np.append((force[1:] + force[:-1]) / 2.0, force[-1])
+        return step / PARTS * np.arange(force.size), {"force": held}, output
+
+    return part
+
+
+def free_run_on_the_arrow(silverbox, samples, *effects):
+    """Root mean square on the arrow, V, of a model fitted to so many samples of the multisine, and the fit."""
+    # the generator's few millivolts of bias are no part of the question
+    cls, own = example("mass_spring_damper.py:MassSpringDamper", "force_offset", *effects)
+    time, force, output = silverbox(slice(MULTISINE, MULTISINE + samples))
+    found = fit(cls, time, force, {"position": output}, ["mass", "damping", "stiffness", *own])
+    time, force, output = silverbox(ARROW)
+    residual = CompiledModel(cls).run(time, force, found.values).signals["position"] - output
+    return float(np.sqrt(np.nanmean(residual**2))), found
+
+
+@pytest.mark.parametrize("samples", [8192, pytest.param(80_000, marks=pytest.mark.slow)])
+def test_silverbox_hardens(silverbox, samples):
+    linear, _ = free_run_on_the_arrow(silverbox, samples)
+    cubic, found = free_run_on_the_arrow(silverbox, samples, "cubic_stiffness")
+    assert linear == pytest.approx(14e-3, abs=0.5e-3)
+    assert cubic < 0.6e-3  # 1.76 mV is known for an input that is held
+    estimate = found.estimates["spring_force_cubic"]
+    assert estimate.interval[0] > 0.0, "it hardens"
+
+
+# --- creep of a polyethylene melt -------------------------------------------------------------------------------------
+
+
+def test_creep_has_three_kelvin_elements_and_no_fourth(public_data):
+    """Burgers' chain has one. Each fit starts where the one before ended; Schwarz's criterion, noise taken as white."""
+    record = read_record(public_data("creep_polyethylene_cm3.csv"), {"stress": "Pa", "strain": "1"}, inputs=["stress"])
+    stress, strain = record.signals["stress"], record.signals["strain"]
+    names, found, criterion, share = ["modulus", "viscosity", "compliance", "retardation_time"], {}, [], []
+    for extra in range(4):
+        cls, own = example("creep.py:Creep", *("second_kelvin", "third_kelvin", "fourth_kelvin")[:extra])
+        found = fit(cls, record.time, {"stress": stress}, {"strain": strain}, names + own, found).values
+        simulated = CompiledModel(cls).run(record.time, {"stress": stress}, found).signals["strain"]
+        misfit, n = np.mean((simulated - strain) ** 2), strain.size
+        criterion.append(n * np.log(misfit) + len(found) * np.log(n))
+        share.append(fit_percent(strain, simulated))
+        # flow at the end of the record, by hand from its last decade
+        late = np.flatnonzero(record.time > 1000.0)[[0, -1]]
+        by_hand = stress[-1] * np.diff(record.time[late]) / np.diff(strain[late])
+        assert found["viscosity"] == pytest.approx(by_hand[0], rel=0.05)
+    assert criterion[0] - criterion[1] > 300.0
+    assert criterion[1] - criterion[2] > 30.0
+    assert criterion[3] > criterion[2]
+    assert share == sorted(share)
+    assert share[0] == pytest.approx(99.75, abs=0.02)
+    assert share[2] > 99.87
+
+
+# --- models that are not ours, by file and class ----------------------------------------------------------------------
+
+
+def test_a_class_is_loaded_once_and_again_when_its_file_changes(tmp_path):
+    file = tmp_path / "own model.py"
+    text = (EXAMPLES / "creep.py").read_text(encoding="utf-8")
+    file.write_text(text, encoding="utf-8")
+    first = load_class(f"{file}:Creep")
+    assert load_class(f"{file}:Creep") is first
+    assert list(catalogue(first)) == ["second_kelvin", "third_kelvin", "fourth_kelvin"]
+    assert catalogue(stack(first, catalogue(first)["third_kelvin"])) == catalogue(first)
+    file.write_text(text.replace("EFFECTS = ", "OTHER = "), encoding="utf-8")
+    again = load_class(f"{file}:Creep")
+    assert again is not first
+    assert catalogue(again) == {}
+
+
+def test_ours_have_the_catalogue_of_their_package():
+    for name in COMPONENTS:
+        assert catalogue(component(name)) == effects(name)
+    base = component("ppy_actuator")
+    assert catalogue(stack(base, effects("ppy_actuator")["slack"])) == effects("ppy_actuator")
+
+
+def test_an_example_is_found_as_a_model_and_so_with_effects():
+    place = f"{EXAMPLES / 'creep.py'}:Creep"
+    assert list(find_model(place).outputs) == ["strain"]
+    assert "second_elongation_time" in find_model(place, laid_over=["second_kelvin"]).parameters
+    with pytest.raises(UserError, match=r"no effect named 'second_kelvi' \(did you mean second_kelvin\?\)"):
+        find_model(place, laid_over=["second_kelvi"])
+
+
+HEAD = "from fmus.kit import Component, Effect, State\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "message"),
+    [
+        (None, "A", r"own\.py: cannot be read: No such file"),
+        ("x = 1\nclass A(:\n", "A", r"own\.py, line 2: SyntaxError: invalid syntax"),
+        ("x = 1\n\ny = 1 / 0\n", "A", r"own\.py, line 3: ZeroDivisionError: division by zero"),
+        ("import nothing_of_this_name\n", "A", r"own\.py, line 1: ModuleNotFoundError: No module named"),
+        ("raise SystemExit\n", "A", r"own\.py, line 1: SystemExit$"),
+        (HEAD + 'class A(Component):\n    name = "a"\n', "B", r"own\.py: there is no class 'B' in it \(there are: A\)"),
+        (HEAD + "A = 3\n", "A", r"own\.py: A is not a Component$"),
+        (HEAD, "Effect", r"own\.py: Effect has no name, so it is a base or an effect"),
+        (
+            HEAD + 'class A(Component):\n    name = "a"\n    x = State("1", rate="r")\n',
+            "A",
+            r"line 2: .*which is no met",
+        ),
+        ("", "", r"write path/to/file\.py:Class"),
+    ],
+)
+def test_what_is_wrong_with_a_model_is_told_in_one_line(tmp_path, text, name, message):
+    file = tmp_path / "own.py"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(UserError, match=message) as caught:
+        load_class(f"{file}:{name}")
+    assert "\n" not in str(caught.value)
+    left = [m for m in sys.modules.values() if getattr(m, "__file__", None) == str(file)]
+    assert all(hasattr(m, "Effect") for m in left), "a file that cannot be run leaves nothing behind"
+
+
+@pytest.mark.parametrize("listed", ["[]", "{'b': int}", "{'b': Effect}"])
+def test_a_catalogue_that_is_none_is_refused(tmp_path, listed):
+    (tmp_path / "own.py").write_text(HEAD + f'class A(Component):\n    name = "a"\nEFFECTS = {listed}\n')
+    with pytest.raises(UserError, match=r"own\.py: EFFECTS must be a dictionary from id to effect class"):
+        catalogue(load_class(f"{tmp_path / 'own.py'}:A"))

@@ -1,0 +1,61 @@
+"""What is installed is enough: a wheel, unpacked anywhere, plans the FMU of every component."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from fmus import COMPONENTS
+
+ROOT = Path(__file__).parents[2]
+PLAN = """
+import sys
+from fmus import COMPONENTS, component
+from fmus.kit.build import RUNTIMES, plan
+from fmus.kit import build
+assert build.__file__.startswith(sys.argv[1]), build.__file__
+for name in COMPONENTS:
+    for runtime in RUNTIMES:
+        print(name, runtime, len(plan(component(name), runtime).files))
+"""
+
+
+def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> None:
+    source = tmp_path / "source"  # a copy, because building leaves files behind
+    for part in ("fmus", "orchestration"):
+        shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__"))
+    for part in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / part, source / part)
+    built = subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", str(tmp_path), str(source)],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    if built.returncode != 0 and re.search("could not find a version|connection", built.stderr, re.I):
+        pytest.skip("no package index to build a wheel with")
+    assert built.returncode == 0, built.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    unpacked = tmp_path / "unpacked"
+    zipfile.ZipFile(wheel).extractall(unpacked)
+    done = subprocess.run(
+        [sys.executable, "-c", PLAN, str(unpacked)],
+        env=os.environ | {"PYTHONPATH": str(unpacked)}, cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 2 * len(COMPONENTS)
+
+
+def test_the_import_rules_name_every_component() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    packages = {f"fmus.{place.split('.')[0]}" for place in COMPONENTS.values()}
+    for contract in contracts:
+        for key in ("modules", "forbidden_modules"):
+            if any(module in packages for module in contract.get(key, [])):
+                assert packages <= set(contract[key]), f"{contract['name']}: {packages - set(contract[key])}"

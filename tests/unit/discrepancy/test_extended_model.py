@@ -1,0 +1,364 @@
+"""The extended model as an FMU: what it says of itself, that it keeps the contract, and what it gains where unseen."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import fmpy
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.documentation import shown
+from fmus.kit.build.toolchain import host_platform
+from fmus.kit.errors import UserError
+from fmus.kit.sensors import sensor_lag
+from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.candidates.candidate import catalogue
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.extended_model import destinations, export, extended, measured_gain
+from orchestration.discrepancy.selection.search import Data
+from orchestration.fmu.check import check_fmu
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.model import catalogue as effects_of
+from orchestration.fmu.model import load_class
+from orchestration.rig.emulator.records import draw
+from tests.contract import test_01_model_description as line_1
+from tests.contract import test_03_reproducible as line_3
+from tests.contract import test_05_state as line_5
+from tests.contract import test_07_reset_and_leaks as line_7
+from tests.contract import test_09_invalid_parameters as line_9
+from tests.contract.raw import instance
+from tests.contract.subjects import SUBJECTS
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+RECORD = "lab record.csv"
+CASES = ("saturation", "lag", "stage")
+
+
+def stage() -> tuple[Data, dict[str, np.ndarray]]:
+    """A stage with dry friction that sticks, at 100 Hz, and its velocity without noise; typed in once more."""
+    mass, viscous, dry, drive, parts, step = 95.0, 203.0, 20.4, 35.15065, 20, 0.01
+    random = np.random.default_rng(5)
+    time = step * np.arange(4000)
+    voltage = np.repeat(random.uniform(-3.0, 3.0, 100), 40)
+    velocity, v = np.empty(time.size), 0.3
+    for k, u in enumerate(voltage):
+        velocity[k] = v
+        for _ in range(parts):
+            free = v + step / parts * (drive * u - viscous * v) / mass
+            v = np.sign(free) * max(abs(free) - step / parts * dry / mass, 0.0)
+    noise = 2e-3 * random.standard_normal(time.size)
+    return Data(time, {"motor_voltage": voltage}, {"velocity": velocity + noise}), {"velocity": velocity}
+
+
+def drawn(hidden: str | None, **options) -> tuple[Data, dict[str, np.ndarray]]:
+    record = draw(hidden, 1, **options)
+    return Data(record.time, record.inputs, record.outputs), record.truth.outputs
+
+
+def case(name: str):
+    """A model, its record with the truth, and a few effects, the hidden one first."""
+    if name == "stage":
+        cls = load_class(f"{EXAMPLES / 'positioning_stage.py'}:PositioningStage")
+        data, truth = stage()
+        return cls, data, truth, catalogue(cls, effects_of(cls), data.measured)
+    others = [EFFECTS["strain_saturation"], EFFECTS["quadratic_strain"], sensor_lag(PpyActuator, "voltage")]
+    if name == "saturation":
+        return PpyActuator, *drawn("strain_saturation"), others
+    return PpyActuator, *drawn("sensor_lag.voltage"), others[::-1]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A diagnosed record, the component it ends with, and both its FMUs: ``made(name)``."""
+    cases = {}
+
+    def of(name):
+        if name not in cases:
+            cls, data, truth, effects = case(name)
+            found = diagnose(cls, data, effects)
+            model = extended(found, f"/somewhere/{RECORD}")
+            paths = export(model, tmp_path_factory.mktemp(name) / "mended.fmu", platforms=[host_platform()])
+            cases[name] = SimpleNamespace(
+                found=found,
+                cls=model,
+                truth=truth,
+                hidden=effects[0],
+                fmus=dict(zip(("native", "python"), paths, strict=True)),
+                gain=measured_gain(found, paths[0]),
+            )
+        return cases[name]
+
+    return of
+
+
+@pytest.fixture(params=CASES)
+def one(request, made):
+    return made(request.param)
+
+
+# --- what it is -----------------------------------------------------------------------------------------------------
+
+
+def test_defaults_are_what_was_fitted(one):
+    assert one.found.selection.best.candidate.effects == (one.hidden,)
+    for path in one.fmus.values():
+        variables = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables}
+        for name, estimate in one.found.estimates.items():
+            assert float(variables[name].start) == estimate.value
+            assert variables[name].unit == estimate.unit
+    assert {"charge_start", "velocity_start"} & set(one.found.estimates)
+
+
+def test_the_fmu_says_what_was_added_and_fitted(one):
+    best, declared = one.found.selection.best, {p.name: p for p in one.cls.layout.parameters}
+    told = [f"Fitted to {RECORD}", f"Added to {one.found.selection.base.candidate.cls.name}: {one.hidden.id}"]
+    for name, e in one.found.estimates.items():
+        low, high = (shown(end, declared[name]) for end in e.interval)
+        known = f"95 % interval {low} … {high}" if name != "travel_start" else "not determined by the record"
+        told.append(f"{name} = {shown(e.value, declared[name])} ({known})")
+    assert len(told) == 2 + len(best.problem.names)
+    for path in one.fmus.values():
+        description = fmpy.read_model_description(str(path))
+        with zipfile.ZipFile(path) as archive:
+            page = archive.read("documentation/index.html").decode()
+        for text in told:
+            assert text in description.description
+            assert text in page
+        assert "somewhere" not in description.description
+        assert description.modelName == f"{best.candidate.cls.name}_fitted"
+
+
+def test_it_is_told_which_assumption_is_relaxed(made):
+    assert "relaxes assumption 5 of its documentation" in made("saturation").cls.remark
+    assert "relaxes the assumption that the sensor follows at once" in made("lag").cls.remark
+    assert "relaxes the assumption that friction is viscous" in made("stage").cls.remark
+
+
+def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):
+    data, _ = drawn(None, duration=300.0, rate=5.0, changed={"R1": 1.4}, spread=0.0)
+    found = diagnose(PpyActuator, data, [])
+    cls = extended(found, RECORD)
+    assert found.verdict == "recalibrate"
+    assert "Nothing was added to ppy_actuator: only its parameters were fitted" in cls.remark
+    assert cls.name == "ppy_actuator_fitted"
+    native, python = export(cls, tmp_path / "mended.fmu", platforms=[host_platform()])
+    with zipfile.ZipFile(native) as archive:
+        assert not [n for n in archive.namelist() if n.startswith("extra")], "the reference result is of other defaults"
+    gain = measured_gain(found, python)
+    assert gain.after == pytest.approx(found.after, rel=1e-6)
+    assert gain.after == pytest.approx(gain.before, rel=1e-6)
+
+
+def test_doubts_are_told(made):
+    found = made("saturation").found
+    (step,) = found.selection.steps
+    rival = step.rejected[0][0] if step.rejected else step.chosen
+    doubtful = replace(found.selection, steps=[replace(step, rivals=[rival])])
+    assert "cannot be told apart from" not in made("saturation").cls.remark
+    told = extended(replace(found, verdict="ambiguous", selection=doubtful), RECORD).remark
+    assert "On this record it cannot be told apart from quadratic_strain" in told
+    told = extended(replace(found, verdict="unexplained"), RECORD).remark
+    assert "It does not account for all that the record shows" in told
+
+
+def test_nothing_is_made_of_a_record_that_does_not_move():
+    data, _ = drawn(None, duration=300.0, rate=5.0)
+    still = {name: np.full_like(values, values[0]) for name, values in data.inputs.items()}
+    with pytest.raises(UserError, match=r"lab record\.csv: no input moves"):
+        extended(diagnose(PpyActuator, Data(data.time, still, data.measured), []), RECORD)
+
+
+def test_a_value_that_rounding_moved_out_of_its_range_is_at_its_end(made):
+    found = made("saturation").found
+    fitted = found.final.fitted
+    beyond = replace(fitted, values=fitted.values | {"k2": np.nextafter(1e15, np.inf)})
+    cls = extended(replace(found, final=replace(found.final, fitted=beyond)), RECORD)
+    assert cls().k2 == 1e15
+
+
+OWN = """
+from fmus.kit import Component, Input, Parameter, State
+{imports}
+
+class Tanks(Component):
+    \"\"\"Tanks that drain.\"\"\"
+
+    name = "tanks"
+    count = Parameter(2, "1", type="integer", min=1, max=9, doc="number of tanks")
+    open = Parameter(False, "1", type="boolean", doc="whether they drain")
+    loss = Parameter(0.05, "1/s", min=0, max=9, doc="rate of draining")
+    inflow = Input("m^3/s", doc="what flows in")
+    level = State("m^3", rate="filling", output=True, doc="volume in each")
+
+    def filling(self):
+        return self.inflow / self.count - self.open * self.loss * self.level
+"""
+
+
+def tanks(folder, imports=""):
+    """A model of a user with three tanks that are open, and its record: a pole of 0.2 per second, from 2 m^3."""
+    (folder / "own.py").write_text(OWN.format(imports=imports), encoding="utf-8")
+    step, inflow = 0.25, np.repeat(np.random.default_rng(2).uniform(0.0, 1.0, 60), 20)
+    pole = np.exp(-0.2 * step)
+    forced = lfilter([0.0, (1.0 - pole) / 0.2 / 3.0], [1.0, -pole], inflow)
+    time = step * np.arange(inflow.size)
+    level = forced + 2.0 * np.exp(-0.2 * time) + 1e-3 * np.random.default_rng(3).standard_normal(time.size)
+    cls = load_class(f"{folder / 'own.py'}:Tanks")
+    return diagnose(cls, Data(time, {"inflow": inflow}, {"level": level}), [], {"count": 3, "open": 1})
+
+
+def test_what_the_user_gave_stays_given(tmp_path):
+    found = tanks(tmp_path)
+    cls = extended(found, RECORD)
+    assert "count = 3 (given, not fitted)" in cls.remark
+    assert "open = true (given, not fitted)" in cls.remark
+    for path in export(cls, tmp_path / "mended.fmu", platforms=[host_platform()]):
+        start = {v.name: v.start for v in fmpy.read_model_description(str(path)).modelVariables}
+        assert (start["count"], start["open"]) == ("3", "true")
+        assert float(start["loss"]) == pytest.approx(0.2, rel=1e-3)
+        assert float(start["level_start"]) == pytest.approx(2.0, rel=1e-3)
+        assert measured_gain(found, path).after == pytest.approx(found.after, rel=1e-6)
+
+
+# --- the contract ---------------------------------------------------------------------------------------------------
+
+
+def every_bound_holds(path):
+    with instance(path) as created:
+        line_9.test_every_bound_of_every_parameter_holds(path, created)
+
+
+def reset_is_a_fresh_start(path):
+    line_7.test_reset_then_run_is_a_fresh_run(path, SUBJECTS["ppy_actuator"], line_7._terminated)
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        line_1.test_fmpy_finds_no_problem,
+        line_1.test_every_output_derivative_and_initial_unknown_is_listed,
+        line_3.test_library_knows_the_guid_of_the_description,
+        line_3.test_no_time_and_no_order_of_this_machine_is_in_the_archive,
+        line_5.test_going_on_from_a_saved_state_gives_the_same_bits,
+        line_5.test_a_state_may_be_restored_in_any_mode_and_in_another_instance,
+        reset_is_a_fresh_start,
+        every_bound_holds,
+    ],
+    ids=lambda check: check.__name__,
+)
+def test_it_keeps_the_contract(made, runtime, check):
+    for name in ("saturation", "lag"):
+        check(made(name).fmus[runtime])
+
+
+def test_its_dependencies_are_those_found_by_differences(made):
+    line_1.test_dependencies_are_those_found_by_differences_through_the_fmu(made("saturation").fmus["native"])
+
+
+def test_it_is_checked_without_a_complaint(one):
+    for path in one.fmus.values():
+        complaints = [finding for finding in check_fmu(path) if finding.severity != "note"]
+        # a user's file does not tell who wrote it; that is said of the model itself, too
+        told = [finding.message for finding in complaints]
+        assert [text for text in told if "author" not in text and "license" not in text and "icon" not in text] == []
+
+
+def test_the_same_record_gives_the_same_bytes(one):
+    again = extended(one.found, RECORD)
+    for runtime in RUNTIMES:
+        assert build(again, runtime, [host_platform()]) == one.fmus[runtime].read_bytes()
+
+
+def test_both_builds_agree_over_the_record(one):
+    python = measured_gain(one.found, one.fmus["python"])
+    for output, native in one.gain.extended.items():
+        assert np.abs(python.extended[output] - native).max() <= 1e-9 * np.abs(native).max()
+
+
+def test_the_python_build_reads_as_it_runs(made):
+    with zipfile.ZipFile(made("lag").fmus["python"]) as archive:
+        text = archive.read("resources/python/__init__.py").decode()
+    assert f"'voltage_lag_time': {made('lag').found.estimates['voltage_lag_time'].value!r}" in text
+
+
+# --- what it gains --------------------------------------------------------------------------------------------------
+
+
+def test_the_fmus_gain_what_the_diagnosis_says(one):
+    assert one.gain.before == pytest.approx(one.found.before, rel=1e-6)
+    assert one.gain.after == pytest.approx(one.found.after, rel=1e-6)
+    assert min(one.gain.after[o] / one.gain.before[o] for o in one.gain.after) < 0.5
+
+
+def test_it_leaves_little_more_than_the_truth_would(one):
+    """Noise alone, by the emulator's own outputs; the issue asks for 1.2 times that."""
+    data, first = one.found.unseen.data, one.found.unseen.first
+    for output, y in data.measured.items():
+        seen = y[first:]
+        noise = np.linalg.norm(seen - one.truth[output][first:]) / np.linalg.norm(seen - seen.mean())
+        assert one.gain.after[output] < 1.2 * noise
+
+
+def test_what_is_left_is_white_or_said_not_to_be(made, tmp_path):
+    found = made("stage").found
+    assert made("stage").gain.whiteness["velocity"].is_white
+    data, unseen = found.unseen.data, found.unseen
+    hum = {"velocity": data.measured["velocity"] + 0.01 * np.ptp(data.measured["velocity"]) * np.sin(3.0 * data.time)}
+    disturbed = replace(found, unseen=replace(unseen, data=replace(data, measured=hum)))
+    assert not measured_gain(disturbed, made("stage").fmus["native"]).whiteness["velocity"].is_white
+
+
+def test_a_record_of_its_own_starts_where_it_starts(tmp_path):
+    """The end of a record, which the fit does not continue into: its states at the start are estimated there."""
+    _, data, _, effects = case("saturation")
+    cut = round(0.6 * len(data.time))
+    found = diagnose(PpyActuator, data.part(0, cut), effects[:1], holdout=data.part(cut, len(data.time)))
+    native, _ = export(extended(found, RECORD), tmp_path / "mended.fmu", platforms=[host_platform()])
+    gain = measured_gain(found, native)
+    assert gain.before == pytest.approx(found.before, rel=1e-6)
+    assert gain.after == pytest.approx(found.after, rel=1e-6)
+    data = found.unseen.data
+    with Fmu(native) as fmu:
+        fmu.start(float(data.time[0]))
+        from_elsewhere = fmu.run(data.time, data.inputs, list(data.measured))
+    assert found.unseen.errors(from_elsewhere)["displacement"] > 2.0 * gain.after["displacement"]
+
+
+# --- files ----------------------------------------------------------------------------------------------------------
+
+
+def test_where_the_fmus_go(tmp_path):
+    assert destinations(tmp_path / "a.b.fmu", []) == {
+        "native": tmp_path / "a.b.fmu", "python": tmp_path / "a.b.python.fmu"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["mended.fmu", "mended.python.fmu"])
+def test_a_record_is_not_overwritten(tmp_path, name):
+    (tmp_path / name).write_text("time [s]")
+    (tmp_path / "record.csv").symlink_to(tmp_path / name)
+    with pytest.raises(UserError, match=rf"{name}: this is the record itself; it will not be overwritten"):
+        export(PpyActuator, tmp_path / "mended.fmu", [tmp_path / "other.csv", tmp_path / "record.csv"])
+    assert (tmp_path / name).read_text() == "time [s]"
+
+
+def test_other_destinations_that_are_refused(tmp_path):
+    with pytest.raises(UserError, match=r"--fmu .*mended\.zip: the name of an FMU ends in \.fmu"):
+        destinations(tmp_path / "mended.zip", [])
+    (tmp_path / "mended.python.fmu").mkdir()
+    with pytest.raises(UserError, match=r"mended\.python\.fmu: this is a folder"):
+        destinations(tmp_path / "mended.fmu", [])
+
+
+def test_nothing_is_written_where_one_build_fails(tmp_path):
+    cls = extended(tanks(tmp_path, "import numpy"), RECORD)
+    with pytest.raises(UserError, match="'import numpy' cannot go into a Python FMU"):
+        export(cls, tmp_path / "mended.fmu", platforms=[host_platform()])
+    assert not list(tmp_path.glob("*mended*"))

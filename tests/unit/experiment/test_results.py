@@ -1,0 +1,309 @@
+"""Claims: results carry units and their experiment, read back bit by bit in every form, and are made again from it."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pandas
+import pytest
+import xarray
+
+from orchestration.experiment import results
+from orchestration.experiment.reading import read
+from orchestration.experiment.run import run
+from orchestration.records import read_record, write_record
+from tests.end_to_end.test_bad_input import here, posix, refused
+from tests.unit.cli.test_app import PNG
+
+TEXT = """
+title = "A record is played back"
+component = "ppy_actuator"
+duration = "3 s"
+step = "0.1 s"
+seed = 3
+record = ["voltage", "displacement"]
+[parameters]
+R1 = "610 mohm"
+[inputs]
+force = { kind = "multilevel", levels = [0.5, 2], dwell = [0.3, 0.9] }
+current = { kind = "file", file = "drive.csv", column = "I" }
+[noise.voltage]
+rms = "1 mV"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An experiment whose current comes from a file."""
+    moments = np.arange(0.0, 3.1, 0.3)
+    write_record(tmp_path / "drive.csv", moments, {"I": np.sin(moments)}, {"I": "A"})
+    (tmp_path / "play.toml").write_text(TEXT, encoding="utf-8")
+    return tmp_path
+
+
+def works(*arguments, cwd):
+    """Run the command line in this process and return what it prints; it must succeed."""
+    done = here(*arguments, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def same(one, other):
+    """Whether the values of two datasets are the same to the bit."""
+    return set(one.variables) == set(other.variables) and all(
+        one[n].values.astype("<f8").tobytes() == other[n].values.astype("<f8").tobytes() for n in one.variables
+    )
+
+
+@pytest.mark.parametrize("ending", ["nc", "parquet"])
+def test_a_result_is_made_again_to_the_last_bit_without_the_file_it_came_from(folder, ending):
+    first = f"first.{ending}"
+    works("run", "play.toml", "--out", first, cwd=folder)
+    (folder / "drive.csv").unlink()
+    (folder / "play.toml").unlink()
+    elsewhere = folder / "elsewhere"
+    elsewhere.mkdir()
+    printed = works("run", f"../{first}", "--out", "again.nc", cwd=elsewhere)
+    assert f"every value is the same to the last bit as in ../{first}" in printed
+    one, again = results.read(folder / first), results.read(elsewhere / "again.nc")
+    assert same(one, again)
+    assert one.time.size == 31
+    assert one.current.values[-1] == np.sin(3.0)
+    third = works("run", "again.nc", cwd=elsewhere)  # and again from what was made again
+    assert "every value is the same to the last bit as in again.nc" in third
+
+
+def test_the_metadata_tell_what_was_run(folder):
+    done = run(read(str(folder / "play.toml")))
+    results.write(done, folder / "run.nc")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        opened = xarray.load_dataset(folder / "run.nc")  # as anybody would
+    assert same(opened, done)
+    assert opened.voltage.attrs["units"] == "V"
+    assert opened.displacement.attrs["units"] == "m"
+    assert opened.displacement.attrs["display_units"] == "mm"
+    assert opened.voltage.attrs["long_name"].startswith("Voltage across the actuator")
+    assert opened.time.attrs["units"] == "s"
+    assert (opened.attrs["complete"], opened.attrs["seed"], opened.attrs["step"]) == (1, 3, 0.1)
+    assert json.loads(opened.attrs["parameters"]) == {"R1": "0.61 ohm"}
+    assert re.fullmatch(r"\{[0-9a-f-]{36}\}", json.loads(opened.attrs["guids"])["ppy_actuator"])
+    assert 0.0 < opened.attrs["wall_time"] < 60.0
+    assert opened.attrs["versions"].startswith("ppy-rig ")
+    resolved = json.loads(opened.attrs["experiment"])
+    assert resolved["inputs"]["force"]["kind"] == "multilevel"
+    assert resolved["runtime"] == "native"
+
+
+def test_csv_and_parquet_are_records_with_every_digit(folder):
+    done = run(read(str(folder / "play.toml")))
+    units = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
+    for name in ("run.csv", "run.parquet", "run.nc"):
+        results.write(done, folder / name)
+        record = read_record(folder / name, units)
+        assert record.time.tobytes() == done.time.values.tobytes()
+        for signal_name, values in record.signals.items():
+            assert values.tobytes() == done[signal_name].values.tobytes()
+    table = pandas.read_parquet(folder / "run.parquet")
+    assert list(table) == ["time [s]", "force [N]", "current [A]", "voltage [V]", "displacement [m]"]
+
+
+@pytest.mark.parametrize("ending", ["csv", "nc"])
+def test_compare_reads_a_result(folder, ending):
+    """The noise of 1 mV is all that is left, and the fit finds the R1 that was set."""
+    works("run", "play.toml", "--out", f"run.{ending}", cwd=folder)
+    works("compare", f"run.{ending}", "--fit", "R1", "--out", "figures.json", cwd=folder)
+    figures = json.loads((folder / "figures.json").read_text(encoding="utf-8"))
+    low, high = figures["fitted"]["parameters"]["R1"]["ci95"]
+    assert 0.6 < low < 0.61 < high < 0.62
+    assert figures["fitted"]["outputs"]["voltage"]["rms"] == pytest.approx(1e-3, rel=0.5)
+
+
+def edited(path, target, edit, upto=None):
+    """Copy a result, or its beginning, with something changed in it."""
+    data = results.read(path).isel(time=slice(upto))
+    edit(data)
+    results.write(data, target)
+    return target
+
+
+def test_what_is_not_the_same_is_said(folder):
+    works("run", "play.toml", "--out", "run.nc", cwd=folder)
+
+    def nudge(data):
+        data.voltage.values[7] = np.nextafter(data.voltage.values[7], 1.0)
+
+    edited(folder / "run.nc", folder / "nudged.nc", nudge)
+    done = here("run", "nudged.nc", cwd=folder)
+    assert done.returncode == 1
+    assert re.search(r"not as in nudged.nc: voltage differs by up to \d\.\d+e-1\d V", done.stdout)
+    assert "displacement differs" not in done.stdout
+    changed = here("run", "nudged.nc", "--set", "R1=1", cwd=folder)  # another experiment: nothing to compare
+    assert (changed.returncode, "not as in" in changed.stdout) == (0, False)
+
+
+def test_another_build_of_the_fmu_is_warned_of(folder):
+    works("run", "play.toml", "--out", "run.nc", cwd=folder)
+    edited(folder / "run.nc", folder / "old.nc", lambda data: data.attrs.update(guids='{"ppy_actuator": "{0}"}'))
+    done = here("run", "old.nc", cwd=folder)
+    assert done.returncode == 0
+    assert "warning: old.nc was made with another build of ppy_actuator ({0}, now {" in done.stderr
+    assert "every value is the same" in done.stdout
+
+
+def test_a_system_is_made_again_too(tmp_path):
+    settings = ["--set", "duration=20 s", "--set", "noise.actuator.voltage.rms=1mV"]
+    works("run", "fig_4_5", *settings, "--out", "life.nc", cwd=tmp_path)
+    assert "every value is the same to the last bit" in works("run", "life.nc", cwd=tmp_path)
+    about = results.read(tmp_path / "life.nc").attrs
+    assert set(json.loads(about["guids"])) == {"galvanostat", "actuator", "estimator"}
+    assert json.loads(about["parameters"])["estimator.initial_voltage_limit"] == "15.0 V"
+    assert json.loads(about["experiment"])["master"]["method"] == "gauss-seidel"
+
+
+RATE = re.compile(r"running .*━.* [\d,]{3,}/s.*\d:\d\d:\d\d")
+
+
+def watched(cwd, *arguments, interrupt):
+    """Run the command line on a terminal; interrupt it when the bar shows a rate. Exit code, stdout, what was shown."""
+    import pty
+
+    ours, theirs = pty.openpty()
+    running = subprocess.Popen(
+        [sys.executable, "-m", "orchestration.cli", *map(str, arguments)], cwd=cwd, stdout=subprocess.PIPE,
+        stderr=theirs, text=True,
+        env={k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "CI")}
+        | {"TERM": "xterm", "COLUMNS": "120", "TMPDIR": str(cwd / "scratch")},
+    )  # fmt: skip
+    os.close(theirs)
+    shown, sent = "", False
+    while True:
+        try:
+            more = os.read(ours, 4096)
+        except OSError:  # Linux: the other end is closed
+            break
+        if not more:
+            break
+        shown += re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", more.decode(errors="replace"))
+        if interrupt and not sent and RATE.search(shown):
+            running.send_signal(signal.SIGINT)
+            sent = True
+    os.close(ours)
+    printed, _ = running.communicate(timeout=60)
+    return running.returncode, printed, shown
+
+
+@posix
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [("fig_3_4", []), ("fig_3_4", ["runtime=python"]), ("fig_4_5", [])],
+    ids=["component", "python build", "system"],
+)
+def test_an_interrupt_leaves_what_was_computed(tmp_path, name, changes):
+    """A real SIGINT: exit 130, a file that says it is incomplete, whose values are those of the whole run."""
+    (tmp_path / "scratch").mkdir()
+    (tmp_path / "part.nc").write_text("the result of earlier work\n", encoding="utf-8")
+    settings = [part for change in changes for part in ("--set", change)]
+    code, printed, told = watched(
+        tmp_path, "run", name, *settings, "--set", "duration=2e5", "--out", "part.nc", interrupt=True
+    )
+    assert code == 130, told
+    assert told.splitlines()[-1] == "interrupted"
+    assert "Traceback" not in told
+    assert "wrote part.nc (incomplete)" in printed
+    assert list((tmp_path / "scratch").glob("ppy-*")) == []
+    part = results.read(tmp_path / "part.nc")
+    assert part.attrs["complete"] == 0
+    assert 1000 < part.time.size < 2_000_001
+    whole = run(read(name, [*changes, "duration=99.9"]))
+    for variable in part.variables:
+        assert part[variable].values[:1000].tobytes() == whole[variable].values.tobytes()
+
+
+def part_of(path, points, target):
+    """Make an experiment, interrupted when so many points are done."""
+
+    def interrupt(done, whole):
+        if done >= points - 1:
+            raise KeyboardInterrupt
+
+    part = run(read(str(path)), progress=interrupt)
+    assert (part.attrs["complete"], part.time.size) == (0, points)
+    results.write(part, target)
+
+
+def test_an_incomplete_result_is_repeated_as_far_as_it_goes(folder):
+    """The current comes from a file that is gone; levels, chirp and noise are those of the whole experiment."""
+    chirp = 'force = { kind = "chirp", amplitude = 1, offset = 1, start_frequency = 0.1, stop_frequency = 2 }'
+    levels = re.search("force = .*", TEXT)[0]
+    for k, force in enumerate((levels, chirp)):
+        (folder / "play.toml").write_text(TEXT.replace(levels, force), encoding="utf-8")
+        part_of(folder / "play.toml", 12, folder / f"part{k}.nc")
+    (folder / "drive.csv").unlink()
+    for name in ("part0.nc", "part1.nc"):
+        done = here("run", name, "--out", "again.nc", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        assert f"{name} is incomplete; it is repeated as far as it goes, 1.1 s" in " ".join(done.stderr.split())
+        assert f"every value is the same to the last bit as in {name}" in done.stdout
+        assert "12 points, 1.1 s" in done.stdout
+        assert "every value is the same" in works("run", "again.nc", cwd=folder)
+    assert read(str(folder / "part0.nc"), ["seed=4"]).duration == 3.0  # another experiment: the whole of it
+    edited(folder / "part0.nc", folder / "first.nc", lambda data: None, upto=1)
+    refused(folder, "run", "first.nc", parts=["first.nc", "first point only"])
+
+
+def test_a_result_finds_its_system_where_both_were_moved_to(tmp_path):
+    """Beside it, or below; and beside it when it was made elsewhere and the system has come after it."""
+    home, other = tmp_path / "home", tmp_path / "other"
+    (home / "systems").mkdir(parents=True)
+    works("system", "export", "dma_bench", "--out", "systems/bench.ssp", cwd=home)
+    text = 'system = "systems/bench.ssp"\nduration = 0.01\n[inputs]\nforce_reference = 1\ncurrent = 0\n'
+    (home / "bench.toml").write_text(text, encoding="utf-8")
+    works("run", "bench.toml", "--out", "near.nc", cwd=home)
+    works("run", "bench.toml", "--out", "../far/far.nc", cwd=home)
+    assert json.loads(results.read(home / "near.nc").attrs["experiment"])["system"] == "systems/bench.ssp"
+    home.rename(other)
+    assert "every value is the same" in works("run", "other/near.nc", cwd=tmp_path)
+    refused(tmp_path, "run", "far/far.nc", parts=["bench.ssp"])
+    shutil.copy(other / "systems" / "bench.ssp", tmp_path / "far")
+    assert "every value is the same" in works("run", "far/far.nc", cwd=tmp_path)
+
+
+def test_a_mark_at_the_beginning_of_a_file_is_no_part_of_it(folder):
+    (folder / "marked.toml").write_text(TEXT, encoding="utf-8-sig")
+    assert read(str(folder / "marked.toml")) == read(str(folder / "play.toml"))
+
+
+def test_a_page_holds_picture_figures_and_the_experiment(folder):
+    works("run", "play.toml", "--plot", "page.html", cwd=folder)
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    for part in (
+        "A record is played back",
+        "31 points, 3 s",
+        "0.61 ohm",
+        "data:image/png;base64",
+        "seed 3",
+        "multilevel",
+    ):
+        assert part in page
+    assert not re.search(r"(src|href)=.https?:", page)
+
+
+@pytest.mark.parametrize("over", ["time", "current"])
+def test_a_picture_has_units_on_every_axis(folder, over):
+    done = run(read(str(folder / "play.toml"), [f"over={over}"]))
+    figure = results.figure(done)
+    labels = {axis.get_ylabel().replace("\n", " ") for axis in figure.axes}
+    expected = {"current [A]", "force [N]", "voltage [V]", "displacement [mm]"} - {f"{over} [A]"}
+    assert labels == expected
+    assert figure.axes[-1].get_xlabel() == ("time [s]" if over == "time" else "current [A]")
+    drawn = next(a for a in figure.axes if a.get_ylabel().startswith("displacement")).lines[0].get_ydata()
+    assert drawn == pytest.approx(1e3 * done.displacement.values)
+    results.plot(done, folder / "run.png")
+    assert (folder / "run.png").read_bytes().startswith(PNG)

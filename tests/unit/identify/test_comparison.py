@@ -1,0 +1,163 @@
+"""Claims: the figures of a comparison are those of its definition, gaps are left out, and the JSON is plain JSON."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from fmus.kit import UserError
+from orchestration.experiment.waveforms import multilevel
+from orchestration.fmu import simulate
+from orchestration.fmu.model import Model, find_model
+from orchestration.identify import comparison as comparing
+from orchestration.records import Record, write_record
+from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
+
+UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
+TIME: np.ndarray = 0.1 * np.arange(600)
+INPUTS = {
+    "current": multilevel(TIME, [-0.9, 0.0, 0.9], (2.0, 8.0), 1),
+    "force": multilevel(TIME, [0.5, 1.0, 2.75], (5.0, 12.0), 2),
+}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return find_model("ppy_actuator")
+
+
+@pytest.fixture
+def record():
+    measured = EmulatedRig(RigParameters(R1=0.6, C=2.0), seed=1).run(TIME, **INPUTS)
+    return Record(TIME, INPUTS | measured, UNITS, Path("record.csv"))
+
+
+def exact_voltage(R1, R2, C):
+    """Voltage from the matrix exponential of the circuit and its held input."""
+    transition = expm(np.array([[-1 / C, R2], [0.0, 0.0]]) / np.array([[R1 + R2], [1.0]]) * 0.1)
+    charge = np.zeros(TIME.size)
+    for k in range(TIME.size - 1):
+        charge[k + 1] = transition[0] @ [charge[k], INPUTS["current"][k]]
+    return (R1 * R2 * INPUTS["current"] + R2 * charge / C) / (R1 + R2)
+
+
+def test_figures_are_those_of_their_definition(model, record):
+    judged = comparing.compare(model, record).before["voltage"]
+    y, simulated = record.signals["voltage"], exact_voltage(0.43, 2.35, 2.7)
+    assert judged.simulated == pytest.approx(simulated, abs=1e-8)
+    assert judged.residual == pytest.approx(y - simulated, abs=1e-8)
+    assert judged.rms == pytest.approx(np.sqrt(np.mean((y - simulated) ** 2)), rel=1e-6)
+    expected = 100 * (1 - np.linalg.norm(y - simulated) / np.linalg.norm(y - y.mean()))
+    assert judged.fit_percent == pytest.approx(expected, abs=1e-5)
+    assert judged.whiteness is not None
+    assert not judged.whiteness.is_white
+
+
+def test_settings_change_the_model_and_a_fit_starts_there(model, record):
+    result = comparing.compare(model, record, {"R1": 0.5, "R2": 2.35}, ["R1", "C"])
+    assert result.before["voltage"].simulated == pytest.approx(exact_voltage(0.5, 2.35, 2.7), abs=1e-8)
+    assert result.fit is not None
+    assert result.after is not None
+    assert result.fit.estimates["R1"].nominal == 0.5
+    assert result.fit.values == pytest.approx({"R1": 0.6, "C": 2.0}, rel=0.01)
+    fitted = exact_voltage(result.fit.values["R1"], 2.35, result.fit.values["C"])
+    assert result.after["voltage"].simulated == pytest.approx(fitted, abs=1e-8)
+    assert result.after["voltage"].whiteness is not None
+    assert result.after["voltage"].whiteness.is_white
+
+
+def test_a_constant_input_given_as_a_setting_reaches_the_fit_too(model, record):
+    inputs = {"current": INPUTS["current"], "force": np.full(TIME.size, 1.5)}
+    measured = EmulatedRig(RigParameters(k1=5000.0), displacement_noise=0.0).run(TIME, **inputs)
+    signals = {"current": inputs["current"], "displacement": measured["displacement"]}
+    result = comparing.compare(model, Record(TIME, signals, UNITS, Path("r.csv")), {"force": 1.5}, ["k1"])
+    assert result.fit is not None
+    assert result.fit.values["k1"] == pytest.approx(5000.0, rel=1e-5)
+
+
+def test_gaps_are_left_out_of_every_figure(model, record):
+    whole = comparing.compare(model, record).before["voltage"]
+    record.signals["voltage"] = record.signals["voltage"].copy()
+    record.signals["voltage"][50:250] = np.nan
+    judged = comparing.compare(model, record).before["voltage"]
+    there = np.r_[0:50, 250:600]
+    assert judged.rms == pytest.approx(np.sqrt(np.mean(whole.residual[there] ** 2)))
+    assert math.isfinite(judged.fit_percent)
+
+
+def test_json_is_plain_json_with_null_where_nothing_can_be_said(model, record, tmp_path):
+    record.signals["displacement"] = np.full(TIME.size, 1e-3)
+    result = comparing.compare(model, record, {"R2": 2.0}, ["R1"])
+    comparing.write_json(result, tmp_path / "out" / "figures.json")
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    page = json.loads((tmp_path / "out" / "figures.json").read_text(encoding="utf-8"), parse_constant=refuse)
+    assert page["outputs"]["displacement"]["fit_percent"] is None  # of a constant
+    assert page["outputs"]["displacement"]["unit"] == "m"
+    assert page["record"] == {"file": "record.csv", "samples": 600, "seconds": pytest.approx(59.9), "notes": []}
+    assert page["set"] == {"R2": 2.0}
+    estimate = page["fitted"]["parameters"]["R1"]
+    assert estimate["ci95"][0] < estimate["value"] < estimate["ci95"][1]
+    assert (estimate["nominal"], estimate["unit"]) == (0.43, "ohm")
+
+
+def test_an_infinite_interval_becomes_null(model, record):
+    record.signals["force"] = np.zeros(TIME.size)
+    page = comparing.to_json(comparing.compare(model, record, {}, ["k1"]))
+    assert page["fitted"]["parameters"]["k1"]["ci95"] == [0.0, None]
+    assert "this record does not determine k1" in page["fitted"]["warnings"]
+
+
+def test_a_record_too_short_for_whiteness_is_judged_all_the_same(model, record):
+    short = Record(TIME[:15], {n: v[:15] for n, v in record.signals.items()}, UNITS, Path("r.csv"))
+    judged = comparing.compare(model, short).before["voltage"]
+    assert judged.whiteness is None
+    assert math.isfinite(judged.fit_percent)
+
+
+def test_both_builds_give_the_same_figures(model, record):
+    other = comparing.compare(find_model("ppy_actuator", "python"), record)
+    for output, judged in comparing.compare(model, record).before.items():
+        assert other.before[output].rms == pytest.approx(judged.rms, rel=1e-9)
+
+
+def test_what_cannot_be_fitted_is_refused_before_anything_is_simulated(model, record):
+    told: list[str] = []
+    with pytest.raises(UserError, match=r"no parameter named 'R3' \(did you mean R"):
+        comparing.compare(model, record, {}, ["R3"], told.append)
+    with pytest.raises(UserError, match="R1 is named twice in R1,R1"):
+        comparing.compare(model, record, {}, ["R1", "R1"], told.append)
+    bare = Model("some.fmu", model.path, None, model.inputs, model.outputs, model.parameters)
+    with pytest.raises(UserError, match=r"--fit needs the equations; some\.fmu is an FMU without them"):
+        comparing.compare(bare, record, {}, ["R1"], told.append)
+    assert told == []
+
+
+def test_a_record_of_inputs_only_is_refused(model, tmp_path):
+    write_record(tmp_path / "r.csv", TIME, INPUTS, UNITS)
+    with pytest.raises(UserError, match=r"r\.csv: no column is an output of ppy_actuator \(charge, voltage, "):
+        comparing.read_for(model, tmp_path / "r.csv")
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "step", "expected"),
+    [
+        (0.0, 1.0, 0.25, [0.0, 0.25, 0.5, 0.75, 1.0]),
+        (0.0, 1.0, 0.4, [0.0, 0.4, 0.8, 1.0]),  # a shorter last step
+        (2.0, 2.3, 0.1, [2.0, 2.1, 2.2, 2.3]),  # 0.3 / 0.1 is not 3 in floating point
+        (0.0, 5.0, 1e300, [0.0, 5.0]),
+        (-1.0, 0.0, 0.5, [-1.0, -0.5, 0.0]),
+    ],
+)
+def test_communication_points_reach_the_stop_time(start, stop, step, expected):
+    assert simulate.grid(start, stop, step) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_recorded_input_is_held_until_its_next_sample():
+    record = Record(np.array([0.0, 1.0, 2.0]), {"u": np.array([3.0, 4.0, 5.0])}, {"u": "1"}, Path("r.csv"))
+    assert simulate.held(record, "u", np.array([0.0, 0.99, 1.0, 1.5, 2.0, 9.0])).tolist() == [3, 3, 4, 4, 5, 5]

@@ -1,0 +1,125 @@
+import math
+
+import numpy as np
+import pytest
+import scipy.constants
+from hypothesis import given
+from hypothesis import strategies as st
+
+import fmus
+from fmus.kit import UserError, units
+from fmus.kit.units import base_unit, convert
+from tests.support.kit_samples import Thermostat
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "to", "expected"),
+    [
+        (1.0, "in", "m", scipy.constants.inch), (1.0, "lbf", "N", scipy.constants.lbf),
+        (1.0, "deg", "rad", scipy.constants.degree), (1.0, "hour", "s", scipy.constants.hour),
+        (1.0, "eV", "J", scipy.constants.eV), (1.0, "g", "kg", scipy.constants.gram),
+        (1.0, "psi", "Pa", scipy.constants.psi), (0.0, "degC", "K", scipy.constants.zero_Celsius),
+        (212.0, "degF", "degC", 100.0), (25.0, "degC", "K", 298.15), (300.0, "K", "degC", 26.85),
+        (6.8e-5, "m/C", "mm/C", 0.068), (6300.0, "N/m", "N/mm", 6.3), (1.7e6, "N*s/m", "N*s/mm", 1.7e3),
+        (5.0, "%", "1", 0.05), (0.5, "1", "%", 50.0), (1.0, "mA*hour", "C", 3.6), (2.0, "kΩ", "ohm", 2000.0),
+        (3.0, "N·m", "J", 3.0), (1.0, "V/A", "ohm", 1.0), (4.0, "C/V", "F", 4.0), (7.0, "ohm", "ohm", 7.0),
+    ],
+)  # fmt: skip
+def test_conversion(value, unit, to, expected):
+    assert convert(value, unit, to) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("unit", "exponents", "factor", "offset"),
+    [
+        ("V", {"kg": 1, "m": 2, "s": -3, "A": -1}, 1.0, 0.0),
+        ("ohm", {"kg": 1, "m": 2, "s": -3, "A": -2}, 1.0, 0.0),
+        ("F", {"kg": -1, "m": -2, "s": 4, "A": 2}, 1.0, 0.0),
+        ("C", {"A": 1, "s": 1}, 1.0, 0.0),
+        ("N", {"kg": 1, "m": 1, "s": -2}, 1.0, 0.0),
+        ("N/m", {"kg": 1, "s": -2}, 1.0, 0.0),
+        ("N*s/m", {"kg": 1, "s": -1}, 1.0, 0.0),
+        ("m/C", {"m": 1, "A": -1, "s": -1}, 1.0, 0.0),
+        ("m/C^2", {"m": 1, "A": -2, "s": -2}, 1.0, 0.0),
+        ("W/K", {"kg": 1, "m": 2, "s": -3, "K": -1}, 1.0, 0.0),
+        ("rad", {"rad": 1}, 1.0, 0.0),
+        ("1", {}, 1.0, 0.0),
+        ("%", {}, 0.01, 0.0),
+        ("mm", {"m": 1}, 1e-3, 0.0),
+        ("deg", {"rad": 1}, math.pi / 180, 0.0),
+        ("degC", {"K": 1}, 1.0, 273.15),
+        ("degF", {"K": 1}, 5 / 9, 273.15 - 32 * 5 / 9),
+        ("lbf/inch", {"kg": 1, "s": -2}, scipy.constants.lbf / scipy.constants.inch, 0.0),
+        ("mol", {"mol": 1}, 1.0, 0.0),
+        ("cd", {"cd": 1}, 1.0, 0.0),
+    ],
+)
+def test_base_units(unit, exponents, factor, offset):
+    base = base_unit(unit)
+    assert base.exponents == exponents
+    assert base.factor == pytest.approx(factor, rel=1e-9)
+    assert base.offset == pytest.approx(offset, rel=1e-9, abs=1e-12)
+
+
+@given(value=st.floats(-1e6, 1e6), unit=st.sampled_from(["mm", "degC", "degF", "%", "lbf", "mV", "uF", "deg"]))
+def test_base_unit_says_what_convert_does(value, unit):
+    base = base_unit(unit)
+    to = {"mm": "m", "degC": "K", "degF": "K", "%": "1", "lbf": "N", "mV": "V", "uF": "F", "deg": "rad"}[unit]
+    assert convert(value, unit, to) == pytest.approx(base.factor * value + base.offset, rel=1e-9, abs=1e-9)
+
+
+@given(value=st.floats(-1e9, 1e9))
+def test_there_and_back(value):
+    for unit, display in (("m", "mm"), ("K", "degC"), ("m/C", "mm/C"), ("J", "kJ")):
+        assert convert(convert(value, unit, display), display, unit) == pytest.approx(value, rel=1e-12, abs=1e-9)
+
+
+def test_arrays_keep_their_shape():
+    metres = convert(np.array([[1.0, 2.0], [3.0, np.nan]]), "mm", "m")
+    np.testing.assert_allclose(metres, [[0.001, 0.002], [0.003, np.nan]], rtol=1e-15)
+
+
+def test_what_cannot_be_converted_is_named():
+    with pytest.raises(UserError, match=r"record.csv column force: unit 'mm' cannot be converted to 'N'"):
+        convert(1.0, "mm", "N", "record.csv column force")
+
+
+@pytest.mark.parametrize("unit", ["newtonn", "Nm/", "arm per leg", "??", "N**", "3 mm"])
+def test_unknown_units_are_refused_in_one_line(unit):
+    with pytest.raises(UserError, match="unknown unit") as caught:
+        units.parse(unit)
+    assert repr(unit) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", ["V/Hz**0.5", "bit"])
+def test_units_that_fmi_cannot_tell_are_refused(unit):
+    with pytest.raises(UserError, match="not made of integer powers of SI base units"):
+        base_unit(unit)
+
+
+def test_every_declared_unit_is_si_and_fits_its_display_unit():
+    for cls in (Thermostat, *map(fmus.component, fmus.COMPONENTS)):
+        for v in cls.layout.variables:
+            assert base_unit(v.unit).factor == 1.0
+            assert base_unit(v.unit).offset == 0.0
+            if v.display:
+                convert(1.0, v.unit, v.display)
+
+
+def test_there_is_one_registry():
+    assert units.registry() is units.registry()
+
+
+@pytest.mark.parametrize(
+    ("unit", "to"), [("Hz", "rpm"), ("turn/s", "Hz"), ("deg/s", "Hz"), ("Hz", "rad/s"), ("deg", "1")]
+)
+def test_an_angle_is_not_a_number(unit, to):
+    with pytest.raises(UserError, match="cannot be converted"):
+        units.convert(1.0, unit, to)
+
+
+def test_angles_convert_among_themselves():
+    assert units.convert(60.0, "rpm", "rad/s") == pytest.approx(2.0 * math.pi)
+    assert units.convert(180.0, "deg", "rad") == pytest.approx(math.pi)
+    assert units.convert(1.0, "kHz", "1/s") == pytest.approx(1000.0)

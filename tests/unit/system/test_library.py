@@ -1,0 +1,167 @@
+"""Claims: the four systems ship in both builds, run at their step in a master that is not ours, and can be seen."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+import pytest
+
+from fmus.kit.errors import UserError
+from orchestration.system import Connection, Port, ssp
+from orchestration.system import library as shipped
+from orchestration.system.check import check, warnings
+from orchestration.system.draw import draw
+from orchestration.system.layout import arrange, nets_of, route
+from tests.support.system.hosts import run_libcosim_ssp
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Run a system in libcosim for some seconds, at its step divided by a number."""
+
+    def run(name, seconds, inputs, signals, part=1, runtime="native"):
+        system, path = shipped.system(name, runtime), tmp_path / f"{name}.ssp"
+        if not path.exists():
+            ssp.write(system, path)
+        step = system.step / part
+        return run_libcosim_ssp(path, step, round(seconds / step), inputs, signals)
+
+    return run
+
+
+def test_four_ship_and_another_name_is_refused():
+    assert shipped.NAMES == ("dma_bench", "degradation_watch", "foot_gait", "hil_bench")
+    with pytest.raises(UserError, match=r"no system named 'dma_bnch' \(did you mean dma_bench\?\)"):
+        shipped.system("dma_bnch")
+
+
+@pytest.mark.parametrize("name", shipped.NAMES)
+def test_each_makes_sense_in_both_builds(name, runtime):
+    system = shipped.system(name, runtime)
+    check(system)
+    assert warnings(system) == []
+    assert system.doc == shipped.SUMMARIES[name]
+    assert all(member.cls is not None and member.fmu.stem == member.cls.name for member in system.members)
+
+
+def test_what_is_connected_with_what():
+    """As section 6 of the design has it."""
+    found = {n: {str(c.source): str(c.target) for c in shipped.system(n).connections} for n in shipped.NAMES}
+    assert found["dma_bench"] == {"bench.position": "actuator.length_change", "actuator.tension": "bench.tension"}
+    assert found["hil_bench"] == {"bench.position": "proxy.length_change", "proxy.tension": "bench.tension"}
+    feet = {f"foot.{a}_length_change": f"{a}.length_change" for a in ("an", "po", "do", "pl")}
+    assert found["foot_gait"] == feet | {f"{a}.tension": f"foot.{a}_tension" for a in ("an", "po", "do", "pl")}
+    watch = {(str(c.source), str(c.target)) for c in shipped.system("degradation_watch").connections}
+    assert watch == {
+        ("galvanostat.current", "actuator.current"), ("galvanostat.current", "estimator.current"),
+        ("actuator.voltage", "estimator.voltage"), ("actuator.voltage", "galvanostat.voltage"),
+        ("estimator.voltage_limit", "galvanostat.voltage_limit"),
+    }  # fmt: skip
+
+
+def test_the_bench_settles_at_its_reference_at_any_step(run):
+    inputs = {"bench.force_reference": 1.0, "actuator.current": 0.5}
+    force = "bench.force_measured"
+    coarse, fine = (run("dma_bench", 0.5, inputs, [force], part)[force] for part in (1, 2))
+    assert coarse[-1] == pytest.approx(1.0, rel=0.005)
+    assert coarse == pytest.approx(fine[1::2], abs=0.03)  # of 1 N; the largest difference is in the first oscillation
+
+
+def test_the_bench_with_a_proxy_runs_as_the_bench(run):
+    force = {"bench.force_reference": 2.0}
+    usual = run("dma_bench", 0.1, force | {"actuator.current": 0.5}, ["bench.position"])["bench.position"]
+    other = run("hil_bench", 0.1, force | {"proxy.current": 0.5}, ["bench.position"])["bench.position"]
+    assert np.array_equal(usual, other)
+
+
+def test_the_foot_rests_under_tension_and_stays_taut(run):
+    """The largest current, driven for the two seconds of the experiment, slackens nobody; without it nothing moves."""
+    tensions = [f"{a}.tension" for a in shipped.FEET]
+    still = run("foot_gait", 0.5, {}, ["foot.ankle_angle", "foot.mtp_angle", *tensions], 0.5)
+    assert np.abs(still["foot.ankle_angle"]).max() < 1e-9
+    assert np.abs(still["foot.mtp_angle"]).max() < 1e-9
+    driven = run("foot_gait", 2.0, {"po.current": 1.3, "do.current": 1.3}, ["foot.ankle_angle", *tensions], 0.5)
+    assert driven["foot.ankle_angle"][-1] > 1e-3  # the longer one at the heel lets the foot rise
+    for name in tensions:
+        assert driven[name].min() > 3.0
+        assert still[name][0] == pytest.approx(driven[name][0], rel=1e-3)
+
+
+def test_the_watch_sees_its_actuator(run):
+    """The current is what was wanted, the limit that of the start, and the actuator charges."""
+    wanted = {"galvanostat.current_command": 1.0}
+    found = run(
+        "degradation_watch", 5.0, wanted, ["galvanostat.current", "actuator.voltage", "estimator.voltage_limit"]
+    )
+    assert set(found["galvanostat.current"]) == {1.0}
+    assert set(found["estimator.voltage_limit"]) == {shipped.ageing_actuator.ESTIMATOR["initial_voltage_limit"]}
+    assert np.all(np.diff(found["actuator.voltage"]) > 0.0)
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", shipped.NAMES)
+def test_wires_touch_no_box_and_do_not_lie_on_each_other(name):
+    system = shipped.system(name)
+    boxes, lanes = arrange(system)
+    segments = []
+    for source, connections in nets_of(system).items():
+        for connection in connections:
+            points = route(boxes, connection, lanes[source])
+            assert points[0] == boxes[source.member].end(source.variable, output=True)
+            assert points[-1] == boxes[connection.target.member].end(connection.target.variable, output=False)
+            segments += [(source, *sorted(ends)) for ends in pairwise(points) if ends[0] != ends[1]]
+    for _, (x0, y0), (x1, y1) in segments:
+        assert x0 == x1 or y0 == y1
+        for box in boxes.values():
+            inside = 1e-6
+            across = x0 < box.x + box.width - inside and x1 > box.x + inside
+            along = min(y0, y1) < box.y - inside and max(y0, y1) > box.y - box.height + inside
+            assert not (across and along)
+    for (one, *first), (other, *second) in combinations(segments, 2):
+        for fixed, free in ((0, 1), (1, 0)):
+            on_one_line = len({round(p[fixed], 2) for p in (*first, *second)}) == 1
+            starts = max(min(p[free] for p in ends) for ends in (first, second))
+            ends = min(max(p[free] for p in ends) for ends in (first, second))
+            assert one == other or not (on_one_line and ends - starts > 0.01), (one, other)
+
+
+@pytest.mark.parametrize("name", shipped.NAMES)
+def test_a_picture_names_everything(name, tmp_path, monkeypatch):
+    import matplotlib
+
+    monkeypatch.setitem(matplotlib.rcParams, "svg.fonttype", "none")  # letters remain letters
+    system = shipped.system(name)
+    draw(system, tmp_path / "system.svg")
+    text = (tmp_path / "system.svg").read_text(encoding="utf-8")
+    words = re.findall(r"<text[^>]*>([^<]*)</text>", text)
+    assert system.name in words
+    for member in system.members:
+        assert f"{member.name}: {member.fmu.stem}" in words
+    ends = {(c.source, True) for c in system.connections} | {(c.target, False) for c in system.connections}
+    ends |= {(port, False) for ports in system.inputs.values() for port in ports}
+    ends |= {(port, True) for port in system.outputs.values()}
+    wanted = (
+        [port.variable for port, _ in ends] + [n for n, ps in system.inputs.items() for _ in ps] + [*system.outputs]
+    )
+    for word in set(wanted):
+        assert words.count(word) == wanted.count(word), word
+
+
+def test_a_factor_is_in_the_picture(tmp_path, monkeypatch):
+    import matplotlib
+
+    monkeypatch.setitem(matplotlib.rcParams, "svg.fonttype", "none")
+    system = shipped.system("dma_bench")
+    wire = Connection(Port("bench", "position"), Port("actuator", "length_change"), 2.5, -0.001)
+    draw(replace(system, connections=(wire, system.connections[1])), tmp_path / "system.svg")
+    assert "× 2.5 -0.001" in (tmp_path / "system.svg").read_text(encoding="utf-8")
+
+
+def test_another_ending_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"system\.bmp.*\.png, \.svg, \.pdf"):
+        draw(shipped.system("dma_bench"), tmp_path / "system.bmp")
