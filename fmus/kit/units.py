@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from fmus.kit.errors import UserError
 
@@ -121,3 +122,44 @@ def _angles(unit: pint.Unit) -> float:
     powers = registry().Quantity(1.0, unit)._units
     turning = (power for name, power in powers.items() if "radian" in str(registry().get_root_units(name)[1]))
     return sum(float(str(power)) for power in turning)
+
+
+class Described(Protocol):
+    """What is needed to write a value: a declaration, or a variable of anybody's FMU."""
+
+    type: str
+    unit: str
+    display: Any  # str, or None for the unit itself
+    min: float
+    max: float
+
+
+def shown(value: float, variable: Described, digits: int = 6) -> str:
+    """Return a value with its unit as people read it, e.g. ``0.068 mm/C``."""
+    if variable.type == "boolean":
+        return "true" if value else "false"
+    return _with_unit(value, variable.unit, variable.display or variable.unit, digits)
+
+
+def shown_difference(value: float, variable: Described, digits: int = 6) -> str:
+    """Return a difference of two values, such as an error, with its unit: 2 K stay 2 K where 2 K would be -271 degC."""
+    return _with_unit(value, variable.unit, unit_of_differences(variable), digits)
+
+
+def unit_of_differences(variable: Described) -> str:
+    """Return the unit people prefer for differences: the displayed one unless it has an offset."""
+    unit = variable.display or variable.unit
+    return unit if convert(0.0, variable.unit, unit) == 0.0 else variable.unit
+
+
+def _with_unit(value: float, unit: str, display: str, digits: int) -> str:
+    return f"{convert(float(value), unit, display):.{digits}g}" + ("" if display == "1" else f" {display}")
+
+
+def allowed(variable: Described) -> str:
+    """Return the range of a variable as people read it, e.g. ``0 … 1e+06 ohm``; empty if open."""
+    low, high = math.isfinite(variable.min), math.isfinite(variable.max)
+    if low and high:
+        least = convert(variable.min, variable.unit, variable.display or variable.unit)
+        return f"{least:g} … {shown(variable.max, variable)}"
+    return f"≥ {shown(variable.min, variable)}" if low else f"≤ {shown(variable.max, variable)}" if high else ""

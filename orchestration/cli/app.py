@@ -83,7 +83,7 @@ def build(
     """Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu."""
     from fmus import COMPONENTS, component
     from fmus.kit import build as kit
-    from fmus.kit.build import archive
+    from fmus.kit import files
     from orchestration.reporting import console as screen
 
     classes = [component(name) for name in names or COMPONENTS]
@@ -93,7 +93,7 @@ def build(
         for cls in classes:
             for kind in runtimes:
                 path = out / kind / f"{cls.name}.fmu"
-                archive.write(path, kit.build(cls, kind, targets, progress=tell))
+                files.write(path, kit.build(cls, kind, targets, progress=tell))
                 print(path)
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus import COMPONENTS, component
-from fmus.kit import units
-from fmus.kit.build import RUNTIMES, archive, build
-from fmus.kit.build.documentation import shown, shown_difference
+from fmus.kit import files, units
+from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
+from fmus.kit.units import shown, shown_difference
 from orchestration.cli import diagnose as screen_diagnose
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.report import picture
@@ -96,7 +96,7 @@ def _build(out: Path, tell: Callable[[str], None]) -> dict[str, Model]:
     for name in COMPONENTS:
         for runtime in RUNTIMES:
             contents = build(component(name), runtime, [host_platform()], progress=tell)
-            archive.write(out / "fmu" / runtime / f"{name}.fmu", contents)
+            files.write(out / "fmu" / runtime / f"{name}.fmu", contents)
     models = {runtime: find_model(str(out / "fmu" / runtime / f"{_MODEL}.fmu")) for runtime in RUNTIMES}
     return {runtime: replace(model, name=_MODEL, cls=component(_MODEL)) for runtime, model in models.items()}
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit.build import archive, build_cached
-from fmus.kit.build.documentation import shown
+from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.files import write
+from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.design.experiment import Separation, design
 from orchestration.discrepancy.diagnosis import Diagnosis, diagnose
@@ -138,13 +139,13 @@ def run(
     if trial is not None:
         out.print(trial.sentence(), markup=False)
         if files.experiment is not None:
-            archive.write(files.experiment, trial.toml(model.name).encode())
+            write(files.experiment, trial.toml(model.name).encode())
             made.append(files.experiment)
     elif files.experiment is not None:
         out.print(f"nothing is to be told apart: {files.experiment} was not written", markup=False)
     if files.result is not None:
         text = json.dumps(as_json(found, gain, trial), indent=2, allow_nan=False)
-        archive.write(files.result, text.encode())
+        write(files.result, text.encode())
     for path in filter(None, (files.result, files.report, *made)):
         out.print(f"wrote {path}", markup=False)
     return found

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fmus.kit.build import archive
+from fmus.kit import files
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.residuals.operating_regions import told
 from orchestration.discrepancy.systems.diagnose import diagnose_system
@@ -43,7 +43,7 @@ def run(
         found = diagnose_system(record, system, mapping, settings, tell)
     show(found, record.name)
     if result is not None:
-        archive.write(result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
+        files.write(result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
         out.print(f"wrote {result}", markup=False)
 
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect, stack
-from fmus.kit.build import archive, build, build_cached
-from fmus.kit.build.documentation import shown
+from fmus.kit import Component, Effect, files, stack
+from fmus.kit.build import build, build_cached
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.errors import UserError
+from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.fmu.instance import Fmu
@@ -176,7 +176,7 @@ def export(
     places = destinations(path, records)
     contents = {place: build(cls, runtime, platforms, progress) for runtime, place in places.items()}
     for place, made in contents.items():
-        archive.write(place, made)
+        files.write(place, made)
     return list(places.values())
 
 

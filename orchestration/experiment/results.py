@@ -17,8 +17,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from fmus.kit import units
-from fmus.kit.build import archive
+from fmus.kit import files, units
 from fmus.kit.errors import UserError
 from orchestration.fmu.signal import Signal
 from orchestration.records import write_record
@@ -104,9 +103,9 @@ def _write(data: xarray.Dataset, path: Path, called: str) -> None:
             raise UserError(f"{called}: {error.object!r} cannot be a name in NetCDF 3; write .parquet") from error
         except ValueError as error:
             raise UserError(f"{called}: {error}; write .parquet") from error
-        archive.write(path, content)
+        files.write(path, content)
     elif kind == ".parquet":
-        archive.write(path, _parquet(data, called))
+        files.write(path, _parquet(data, called))
     else:
         columns = {str(name): array.values for name, array in data.items()}
         try:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from fmus.kit.build.documentation import allowed, shown
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.units import allowed, shown
 from orchestration.experiment import results
 from orchestration.experiment.model import Experiment, Master, Noise
 from orchestration.experiment.stimulus import Place

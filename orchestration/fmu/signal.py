@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fmus.kit import units
-from fmus.kit.build.documentation import allowed, shown
 from fmus.kit.errors import UserError
+from fmus.kit.units import allowed, shown
 
 _QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
 _WORDS = {"true": 1.0, "false": 0.0}
@@ -18,7 +18,7 @@ _LARGEST = 2**31 - 1  # integers of FMI 2.0 have 32 bits
 
 @dataclass
 class Signal:
-    """A variable; `fmus.kit.build.documentation.shown` and `allowed` write its values and its range.
+    """A variable; `fmus.kit.units.shown` and `allowed` write its values and its range.
 
     Attributes
     ----------

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, units
-from fmus.kit.build import archive
-from fmus.kit.build.documentation import unit_of_differences
+from fmus.kit import Component, files, units
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.units import unit_of_differences
 from orchestration.fmu.model import Model
 from orchestration.fmu.simulate import simulate
 from orchestration.identify.grey_box import Fit, fit
@@ -228,7 +227,7 @@ def write_json(comparison: Comparison, path: Path) -> None:
     UserError
         If it cannot be written.
     """
-    archive.write(path, (json.dumps(to_json(comparison), indent=2) + "\n").encode())
+    files.write(path, (json.dumps(to_json(comparison), indent=2) + "\n").encode())
 
 
 def plot(comparison: Comparison, path: Path) -> None:

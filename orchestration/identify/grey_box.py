@@ -18,8 +18,8 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from fmus.kit import Component
-from fmus.kit.build.documentation import allowed, shown
 from fmus.kit.errors import UserError
+from fmus.kit.units import allowed, shown
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.kit.build import archive
+from fmus.kit import files
 
 
 def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayLike], units: Mapping[str, str]) -> None:
@@ -57,4 +57,4 @@ def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayL
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
     writer.writerows(["" if value != value else repr(value) for value in row] for row in zip(*lists, strict=True))
-    archive.write(Path(path), text.getvalue().encode())
+    files.write(Path(path), text.getvalue().encode())

@@ -85,7 +85,7 @@ def progress() -> Iterator[Tell]:
 def info(name: str) -> None:
     """Show a component: variables with units, defaults and ranges, presets, sources."""
     from fmus import component
-    from fmus.kit.build.documentation import allowed, shown
+    from fmus.kit.units import allowed, shown
 
     cls = component(name)
     out.print(name, style="bold", end="  ")
@@ -172,7 +172,7 @@ def check_results(
 
 def _check_inputs(model: Model, signals: Collection[str], parameters: Collection[str]) -> None:
     """Refuse inputs that are given twice; tell which inputs no file and no setting gives."""
-    from fmus.kit.build.documentation import shown
+    from fmus.kit.units import shown
 
     for name, signal in model.inputs.items():
         if name in signals and name in parameters:
@@ -189,7 +189,7 @@ def simulate(
     """Do ``ppy simulate``."""
     import numpy as np
 
-    from fmus.kit.build.documentation import shown
+    from fmus.kit.units import shown
     from orchestration.fmu import simulate as work
     from orchestration.fmu.archive import read_description
     from orchestration.records import parse_mapping, read_record, write_record
@@ -262,7 +262,7 @@ def compare(
 
 def show(comparison: Comparison) -> None:
     """Print a comparison: fit per output, and the fitted parameters with their intervals."""
-    from fmus.kit.build.documentation import shown, shown_difference
+    from fmus.kit.units import shown, shown_difference
 
     model = comparison.model
     runs = [("simulated" if comparison.after is None else "before", comparison.before)]

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus.kit.build import archive
+from fmus.kit import files
 from fmus.kit.build.documentation import STYLE
 
 _MORE = """
@@ -159,4 +159,4 @@ class Page:
         UserError
             If the file cannot be written.
         """
-        archive.write(path, self.html().encode())
+        files.write(path, self.html().encode())

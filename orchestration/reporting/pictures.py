@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.build import archive
+from fmus.kit import files
 from fmus.kit.errors import UserError
 
 if TYPE_CHECKING:
@@ -78,4 +78,4 @@ def save(figure: Figure, path: Path) -> None:
     figure.align_ylabels()
     drawn = io.BytesIO()
     figure.savefig(drawn, format=kind)
-    archive.write(path, drawn.getvalue())
+    files.write(path, drawn.getvalue())

@@ -10,8 +10,8 @@ from pathlib import Path
 import fmpy
 
 from fmus.kit import units
-from fmus.kit.build.documentation import allowed, shown
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.units import allowed, shown
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.model import Model, find_model
 from orchestration.fmu.signal import Signal, check_type

@@ -89,7 +89,7 @@ def _speed() -> Iterator[Finding]:
         "most. The statements want a larger α, "
         f"{float(speed.published) / rate:.0f} to {float(others.published) / rate:.0f} times; they can be about other "
         "actuators, and the data are lost",
-        "test_thesis_actuator",
+        "thesis/test_actuator",
     )  # fmt: skip
 
 
@@ -137,7 +137,7 @@ def _scripts() -> Iterator[Finding]:
     yield Erratum(
         24, "appendix A2 against eq. 3.7", "k1, b1 are the Maxwell element, k2, b2 the Kelvin element",
         f"the first program names them the other way, its index {kelvin} is the Kelvin element; A4's is eq. 3.7 itself",
-        "test_thesis_actuator",
+        "thesis/test_actuator",
     )  # fmt: skip
     r1, r2, c = MODEL["R1"], MODEL["R2"], MODEL["C"]
     shown = (r2 - r1 * r2 / (r1 + r2)) / ((r1 + r2) * c)
@@ -150,7 +150,7 @@ def _scripts() -> Iterator[Finding]:
         25, "appendix A2", "`lsim(sys,I,t,V(1)-0.2)`: a voltage is taken for the state at the start",
         f"the state of `tf2ss` is no voltage: {shown:.3f} of it shows in the output (table 3-1). The 0.2 V may be a "
         "correction by hand",
-        "test_thesis_actuator",
+        "thesis/test_actuator",
     )  # fmt: skip
 
 

@@ -142,7 +142,7 @@ class Erratum:
     where: str
     printed: str
     holds: str
-    test: str = "test_errata"
+    test: str = "end_to_end/test_errata"
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ def _windows() -> Iterator[Finding]:
         7, "appendix A3, batch least squares", f"estimates for every {_WINDOW} points",
         f"the normal matrices are never cleared, so that window n holds all data up to n: of an impedance that has "
         f"risen by {true:.1f} % in the last of {count} windows it shows {shown[True]:.1f} %, a window of its own "
-        f"{shown[False]:.1f} %", "test_impedance",
+        f"{shown[False]:.1f} %", "unit/identify/test_impedance",
     )  # fmt: skip
 
 
@@ -149,7 +149,7 @@ def _judging() -> Iterator[Finding]:
     yield Erratum(
         27, "appendix A3", "`DataFit`: the fit of the predicted voltage to the measured one",
         f"predictions of samples n + 1 are held against samples n: a prediction without error is given "
-        f"{fit.reproduced:.0f} % (±1.3 A at 0.1 Hz, circuit of table 3-1)", "test_thesis_degradation",
+        f"{fit.reproduced:.0f} % (±1.3 A at 0.1 Hz, circuit of table 3-1)", "thesis/test_degradation",
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from orchestration.thesis.motor import DcMotor, Maxwell
 from orchestration.thesis.work_loops import DAMPING, STIFFNESS
 
 Array = NDArray[np.float64]
-_TEST = "test_thesis_foot"
+_TEST = "thesis/test_foot"
 # table 5-1 as printed, with the same number in appendix A4: inches, degrees
 TABLE = {
     "l_1": ("50.8", 2.00), "l_2": ("62.5", 2.46), "l_3": ("23.6", 0.93), "l_po,0": ("93.2", 3.67),
@@ -59,7 +59,7 @@ def _motor() -> Iterator[Finding]:
         f"lasting load is {lasting:g} N/m. What differs is the time: PPy is a spring for b/k = "
         f"{muscle.time_constant:.0f} s; a small shorted motor (assumed) yields after "
         f"{1e3 * driven.time_constant:.0f} ms and needs {volts:.1f} V and {watts:.2f} W to hold {load:g} N",
-        "test_thesis_motor",
+        "thesis/test_motor",
     )  # fmt: skip
 
 
@@ -112,7 +112,8 @@ def _matrices() -> Iterator[Finding]:
         f"the printed program in inches gives {_matrix(c, '.2f', '.3f')} and {_matrix(d, '.3e', '.3e')}. They rest on "
         f"its constant 1e-4, not on the foot: in mm the same program has C_xx = {_short(in_mm, '.1e')}; 1 N would "
         f"move the toe of a {foot_length:.0f} mm foot by {c[0, 0]:.0f} mm. "
-        f"Consistent: {_matrix(compliance, '.2f', '.2f')} and {_matrix(damping, '.0f', '.0f')}", "test_foot_thesis",
+        f"Consistent: {_matrix(compliance, '.2f', '.2f')} and {_matrix(damping, '.0f', '.0f')}",
+        "components/foot/test_thesis",
     )  # fmt: skip
     for name, matrix, right in (("C", c, compliance), ("D", d, damping)):
         yield Claim(
@@ -182,7 +183,7 @@ def _statics() -> Iterator[Finding]:
         f"{arms[0]:.1f}, {arms[1]:.1f}, {arms[2]:.1f} and {arms[3]:.1f} mm the ankle has {ankle:.2f} N·m/rad and "
         f"the toe {toe:.2f} N·m/rad; adding compliances leaves {series:.2f} N·m/rad at the ankle. "
         "The plantar arm is a choice, for its triangle is singular in the reference configuration. The program "
-        "couples do and pl to the arch by a token 0.001", "test_foot",
+        "couples do and pl to the arch by a token 0.001", "components/foot/test_model",
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration, nu
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TEST = "test_voice_coil_dma"
+_TEST = "components/voice_coil_dma/test_model"
 _DMA = {p.name: float(p.start) for p in VoiceCoilDma.layout.parameters}
 _A1 = {"gain": 15.0, "zero_time": 0.002}  # controller of appendix A1
 _A1_CUTOFF = _DMA["force_cutoff"]

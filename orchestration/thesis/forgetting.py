@@ -107,7 +107,7 @@ def _forgetting() -> Iterator[Finding]:
         11, "section 4.1.2, appendix A3", f"α = {factor:g} corresponds to approximately {known.published} seconds",
         f"by eq. 4.11 at {1 / PERIOD:g} Hz that is a weight of {left:.3f} % after {asked:g} s, a memory of "
         f"{memory:.1f} s; {slow:g} at {rate:g} Hz leaves {left_slow:.0f} % after {five:g} s",
-        "test_degradation_estimator",
+        "components/degradation_estimator/test_model",
     )  # fmt: skip
     weight, shown = 10.0, 1.0  # percent; s, on the axis of the program's plot
     drawn = forgetting_factor(weight, PERIOD, shown + 1.0)
@@ -120,7 +120,7 @@ def _forgetting() -> Iterator[Finding]:
         28, "appendix A3", "plot of the forgetting factor over the desired time",
         f"every value stands one second too early: at {shown:g} s, with {weight:g} % left and {1 / PERIOD:g} Hz, the "
         f"plot shows {drawn:.4f}, which is the factor for {shown + 1:g} s; eq. 4.11 gives {right:.4f}",
-        "test_thesis_degradation",
+        "thesis/test_degradation",
     )  # fmt: skip
 
 

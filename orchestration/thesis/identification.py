@@ -89,7 +89,7 @@ def _table_3_1() -> Iterator[Finding]:
                 yield Erratum(
                     22, "table 3-1", f"standard deviation of C: {printed} F",
                     f"{value:.3f} F from the listed coefficients; {rounded:.3f} F is that of the rounded entries",
-                    "test_thesis_actuator",
+                    "thesis/test_actuator",
                 )  # fmt: skip
     variance = max(float(text) ** 2 for text in DEVIATIONS[:3])
     yield Claim("section 3.3.1", "largest variance of b0, b1 and a", "<0.03", variance, "", "over the sets")
@@ -112,7 +112,7 @@ def _sampling() -> Iterator[Finding]:
     yield Erratum(
         21, "section 2.2.2", f"all data were sampled at {found.published} Hz",
         f"C of table 3-1 follows from its coefficients at {found.reproduced:.1f} Hz only; the programs read records of "
-        "100 and 50 Hz (A2), 10 Hz (A3) and 40 Hz (A4), section 4.3 says 15 Hz", "test_thesis_actuator",
+        "100 and 50 Hz (A2), 10 Hz (A3) and 40 Hz (A4), section 4.3 says 15 Hz", "thesis/test_actuator",
     )  # fmt: skip
     yield Claim(
         "symbol list", "what a fixes in eq. 3.10", "zero", "pole" if np.isclose(-a, pole) else "zero",
@@ -122,7 +122,7 @@ def _sampling() -> Iterator[Finding]:
         23, "symbol list; sections 3.1.4, 4.1.1",
         "b0, b1: pole parameters; a: zero parameter; the text estimates a, b1 and b2",
         f"eq. 3.10 has its pole at −a and its zero at −b1/b0, {pole:.4f} and {zero:.4f} in set 1; it has no b2",
-        "test_thesis_actuator",
+        "thesis/test_actuator",
     )  # fmt: skip
 
 
@@ -137,7 +137,8 @@ def _conversion() -> Iterator[Finding]:
     yield Erratum(
         8, "eqs. 3.11–3.13", "Tustin's rule converts the parameters of eq. 3.10",
         f"exact for Tustin-generated data only: of R1 {r1:g} Ω, R2 {r2:g} Ω, C {c:g} F with a current "
-        f"held for {PERIOD:g} s it makes {found[0]:.3f} Ω, {found[1]:.3f} Ω and {found[2]:.3f} F", "test_impedance",
+        f"held for {PERIOD:g} s it makes {found[0]:.3f} Ω, {found[1]:.3f} Ω and {found[2]:.3f} F",
+        "unit/identify/test_impedance",
     )  # fmt: skip
 
 
@@ -160,7 +161,7 @@ def _table_3_2() -> Iterator[Finding]:
         f"in no column of the table: {best[0]} fits better, {fit[best[0]]:g} and {validation[best[0]]:g} % against "
         f"{fit[printed]:g} and {validation[printed]:g} %, and {best[2]} has the smaller criterion, "
         f"{akaike[best[2]]:g} against {akaike[printed]:g}, which {' and '.join(as_good)} has too. It can be meant as a "
-        "balance of the three, and as the least within its own type".replace("-", "−"), "test_thesis_actuator",
+        "balance of the three, and as the least within its own type".replace("-", "−"), "thesis/test_actuator",
     )  # fmt: skip
     order = noise_order([1.0], [1.0, -1.1, 0.03, 0.135])
     yield Claim(
@@ -171,7 +172,7 @@ def _table_3_2() -> Iterator[Finding]:
         20, "table 3-2", "noise model order 0 for ARX and ARMAX",
         f"neither reading fits. The noise model is 1/A in the one and C/A in the other, of order {order} like the "
         "model; 0 then holds for OE only. If the order of C alone is meant, ARMAX with C = 1 is ARX, yet the table has "
-        f"{fit['ARX']:g} and {fit['ARMAX']:g} % for them", "test_thesis_actuator",
+        f"{fit['ARX']:g} and {fit['ARMAX']:g} % for them", "thesis/test_actuator",
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 STIFFNESS, DAMPING, ALPHA = 9.1, 1700.0, 5.0  # N/mm, N s/mm and mm/C of section 5.4.2
 CURRENT, PRINTED_RATE, PROGRAM_RATE = 1.5, 13.0, 4.1 * pi  # A; rad/s as printed and in appendix A4
-_TEST = "test_thesis_foot"
+_TEST = "thesis/test_foot"
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
@@ -43,7 +43,7 @@ def _gait() -> Iterator[Finding]:
     yield Erratum(
         14, "eq. 5.16", "repeats eq. 5.15",
         f"the program's plantar length, ℓ_pl,0 + sin(2πt) + 1 mm: {1e3 * change['pl']:.0f} mm longer at 0.25 s, where "
-        f"eq. 5.15 has {1e3 * change['do']:.0f} mm".replace("-", "−"), "test_foot_thesis",
+        f"eq. 5.15 has {1e3 * change['do']:.0f} mm".replace("-", "−"), "components/foot/test_thesis",
     )  # fmt: skip
     for equations, one, other in (("eqs. 5.13 and 5.14", "an", "po"), ("eqs. 5.15 and A4", "do", "pl")):
         yield Claim(

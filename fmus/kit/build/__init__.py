@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmus.kit.build import archive
+from fmus.kit import files
 from fmus.kit.symbolic import codegen
 from fmus.kit.build import toolchain
 from fmus.kit.build.bundle import RUNTIME_MODULES, bundle
@@ -136,7 +137,7 @@ def build_cached(cls: type[Component], runtime: str) -> Path:
     target = toolchain.host_platform()
     path = toolchain.cache_folder() / f"{planned.guid.strip('{}')}-{target}" / f"{cls.name}.fmu"
     if not path.exists():
-        archive.write_once(path, archive.pack(planned.files | _binaries(planned, [target], lambda text: None)))
+        files.write_once(path, archive.pack(planned.files | _binaries(planned, [target], lambda text: None)))
     return path
 
 

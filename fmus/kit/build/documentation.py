@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import html
-import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Protocol
 
-from fmus.kit import units
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, ParameterDeclaration
+from fmus.kit.units import allowed, shown
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #1c2733 }
@@ -56,47 +54,6 @@ def page(cls: type[Component], readme: Path) -> str:
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
         f"<body>{body}{note}<h2>Variables of <code>{cls.name}</code></h2>{tables}</body></html>\n"
     )
-
-
-class Described(Protocol):
-    """What is needed to write a value: a declaration, or a variable of anybody's FMU."""
-
-    type: str
-    unit: str
-    display: Any  # str, or None for the unit itself
-    min: float
-    max: float
-
-
-def shown(value: float, variable: Described, digits: int = 6) -> str:
-    """Return a value with its unit as people read it, e.g. ``0.068 mm/C``."""
-    if variable.type == "boolean":
-        return "true" if value else "false"
-    return _with_unit(value, variable.unit, variable.display or variable.unit, digits)
-
-
-def shown_difference(value: float, variable: Described, digits: int = 6) -> str:
-    """Return a difference of two values, such as an error, with its unit: 2 K stay 2 K where 2 K would be -271 degC."""
-    return _with_unit(value, variable.unit, unit_of_differences(variable), digits)
-
-
-def unit_of_differences(variable: Described) -> str:
-    """Return the unit people prefer for differences: the displayed one unless it has an offset."""
-    unit = variable.display or variable.unit
-    return unit if units.convert(0.0, variable.unit, unit) == 0.0 else variable.unit
-
-
-def _with_unit(value: float, unit: str, display: str, digits: int) -> str:
-    return f"{units.convert(float(value), unit, display):.{digits}g}" + ("" if display == "1" else f" {display}")
-
-
-def allowed(variable: Described) -> str:
-    """Return the range of a variable as people read it, e.g. ``0 … 1e+06 ohm``; empty if open."""
-    low, high = math.isfinite(variable.min), math.isfinite(variable.max)
-    if low and high:
-        least = units.convert(variable.min, variable.unit, variable.display or variable.unit)
-        return f"{least:g} … {shown(variable.max, variable)}"
-    return f"≥ {shown(variable.min, variable)}" if low else f"≤ {shown(variable.max, variable)}" if high else ""
 
 
 def _table(title: str, variables: Iterable[Declaration]) -> str:

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.build import archive, toolchain
+from fmus.kit import files
+from fmus.kit.build import toolchain
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.interpreted import Interpreted
@@ -190,7 +191,7 @@ def _load(graph: Graph) -> Any:
             library = toolchain.compile_library(
                 [everything], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
             )
-        archive.write_once(path, library)
+        files.write_once(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate
     function.argtypes = [
         ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, ctypes.c_double,

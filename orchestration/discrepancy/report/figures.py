@@ -17,7 +17,7 @@ from scipy.signal import welch
 from scipy.stats import chi2, norm
 
 from fmus.kit import units
-from fmus.kit.build.documentation import shown, unit_of_differences
+from fmus.kit.units import shown, unit_of_differences
 from orchestration.discrepancy.report.wording import pretty
 from orchestration.discrepancy.selection.search import Data, Evidence
 from orchestration.fmu.model import Model

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit import Effect
-from fmus.kit.build.documentation import shown_difference, unit_of_differences
 from fmus.kit.errors import UserError
+from fmus.kit.units import shown_difference, unit_of_differences
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.report import elements as marks

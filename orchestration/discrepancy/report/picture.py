@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fmus.kit import units
-from fmus.kit.build.documentation import unit_of_differences
+from fmus.kit.units import unit_of_differences
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED
 from orchestration.discrepancy.report.wording import sentence

@@ -6,7 +6,7 @@ import math
 import re
 
 from fmus.kit import Effect
-from fmus.kit.build.documentation import Described, shown
+from fmus.kit.units import Described, shown
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.selection.stepwise import ACCEPT
 from orchestration.identify.grey_box import Estimate

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from types import TracebackType
 from urllib.parse import unquote
 
-from fmus.kit.build import archive
+from fmus.kit import files
 from fmus.kit.errors import UserError
 from orchestration.fmu.archive import UNREADABLE
 from orchestration.system.ssp.vocabulary import DESCRIPTION
@@ -95,7 +95,7 @@ class Package:
         path = self.path.parent / name
         if self._zip is not None:
             path = folder / name
-            archive.write(path, self._read(name))
+            files.write(path, self._read(name))
         elif not path.is_file():
             raise UserError(f"{self.path}: {name} is missing")
         _opened(path, f"{self.path}: {name}").close()

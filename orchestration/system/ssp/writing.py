@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
-from fmus.kit import units
+from fmus.kit import files, units
 from fmus.kit.build import archive
 from fmus.kit.build.parameters import define_units, to_ssv
 from fmus.kit.errors import UserError
@@ -58,15 +58,15 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
     places, resources = _resources(system)
     description = _describe(system, places, connectors)
     if path.suffix == ".ssp":
-        archive.write(path, archive.pack(resources | {DESCRIPTION: description}))
+        files.write(path, archive.pack(resources | {DESCRIPTION: description}))
         return
     for name, contents in resources.items():
         place = path.parent / name
         if place.exists() and place.read_bytes() != contents:
             raise UserError(f"{place} is there with other contents and will not be overwritten")
     for name, contents in resources.items():
-        archive.write(path.parent / name, contents)
-    archive.write(path, description)
+        files.write(path.parent / name, contents)
+    files.write(path, description)
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ import pytest
 from scipy.signal import lfilter
 
 from fmus.kit.build import RUNTIMES, build
-from fmus.kit.build.documentation import shown
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_lag
+from fmus.kit.units import shown
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidates.candidate import catalogue

@@ -11,8 +11,8 @@ from fmpy.fmi1 import FMICallException
 
 from fmus.kit import UserError
 from fmus.kit.build import build
-from fmus.kit.build.documentation import shown, shown_difference
 from fmus.kit.build.toolchain import host_platform
+from fmus.kit.units import shown, shown_difference
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import find_model

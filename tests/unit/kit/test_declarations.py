@@ -237,7 +237,7 @@ def test_names_that_cannot_be_variables_are_refused(name, variable):
     if name == "law" and isinstance(body[name], OutputDeclaration):
         declare(**body)  # replaces the method
         return
-    with pytest.raises(UserError, match=rf"test_kit_declarations.Faulty: variable '{re.escape(name)}' "):
+    with pytest.raises(UserError, match=rf"test_declarations.Faulty: variable '{re.escape(name)}' "):
         type("Faulty", (declare(),), {"__module__": __name__} | body)
 
 

@@ -12,13 +12,14 @@ import pytest
 from fmpy.validation import validate_fmu
 
 import fmus
-from fmus.kit import Component, Effect, Output, Parameter, UserError, build, stack
+from fmus.kit import Component, Effect, Output, Parameter, UserError, build, files, stack
 from fmus.kit.build import archive, toolchain
 from fmus.kit.build.description import CATEGORIES, Capabilities, describe
-from fmus.kit.build.documentation import allowed, page, shown
+from fmus.kit.build.documentation import page
 from fmus.kit.build.parameters import to_ssv
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import trace
+from fmus.kit.units import allowed, shown
 from fmus.ppy_actuator.effects import EFFECTS
 from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warmer
 
@@ -196,7 +197,8 @@ def test_generated_sources_are_deterministic(cls):
 
 def test_generated_sources_do_not_depend_on_the_hash_seed_or_the_folder(tmp_path):
     code = (
-        "import hashlib, fmus; from fmus.kit import build, stack, codegen; from fmus.kit.symbolic.trace import trace;"
+        "import hashlib, fmus; from fmus.kit import build, stack;"
+        "from fmus.kit.symbolic import codegen; from fmus.kit.symbolic.trace import trace;"
         "from fmus.ppy_actuator.effects import EFFECTS;"
         "cls = stack(fmus.component('ppy_actuator'), *EFFECTS.values());"
         "files = codegen.native_sources(trace(cls), 'g') | build._python_package(cls);"
@@ -245,15 +247,15 @@ def test_archive_bytes_depend_on_contents_only():
 
 def test_writing_makes_the_folder_and_replaces(tmp_path):
     target = tmp_path / "new" / "folder" / "x.fmu"
-    archive.write(target, b"one")
-    archive.write(target, b"two")
+    files.write(target, b"one")
+    files.write(target, b"two")
     assert target.read_bytes() == b"two"
     assert list(target.parent.iterdir()) == [target]
 
 
 def test_interrupted_writing_leaves_the_old_file(tmp_path, monkeypatch):
     target = tmp_path / "x.fmu"
-    archive.write(target, b"old")
+    files.write(target, b"old")
 
     def full(path, contents):
         with path.open("wb") as file:
@@ -262,7 +264,7 @@ def test_interrupted_writing_leaves_the_old_file(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(UserError, match=r"cannot write .*x\.fmu: No space left on device"):
-        archive.write(target, b"new")
+        files.write(target, b"new")
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -271,11 +273,11 @@ def test_unwritable_places_are_told_in_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     for target in (tmp_path / "file" / "x.fmu", Path("/proc/none/x.fmu")):
         with pytest.raises(UserError, match=f"cannot write {re.escape(str(target))}: ") as caught:
-            archive.write(target, b"")
+            files.write(target, b"")
         assert "\n" not in str(caught.value)
     (tmp_path / "x.fmu").mkdir()
     with pytest.raises(UserError, match="cannot write"):
-        archive.write(tmp_path / "x.fmu", b"")
+        files.write(tmp_path / "x.fmu", b"")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "x.fmu"]
 
 
