@@ -15,12 +15,12 @@ from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import write
 from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import catalogue, label
-from orchestration.discrepancy.design.experiment import Separation, design
+from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
 from orchestration.discrepancy.diagnosis import Diagnosis, diagnose
 from orchestration.discrepancy.extended_model import Gain, destinations, export, extended, measured_gain
 from orchestration.discrepancy.report.page import Context, page
 from orchestration.discrepancy.report.wording import sentence
-from orchestration.discrepancy.selection.search import Data
+from orchestration.discrepancy.selection.search import Dataset
 from orchestration.fmu import model as models
 from orchestration.fmu.model import Model
 from orchestration.identify.comparison import read_for
@@ -169,7 +169,9 @@ def _extended(found: Diagnosis, files: Files, tell: Callable[[str], None]) -> tu
         return None, made
 
 
-def _experiment(found: Diagnosis, data: Data, model: Model, tell: Callable[[str], None]) -> Separation | None:
+def _experiment(
+    found: Diagnosis, data: Dataset, model: Model, tell: Callable[[str], None]
+) -> DiscriminatingExperiment | None:
     """Design an experiment where something cannot be told apart."""
     if found.verdict != "ambiguous":
         return None
@@ -181,7 +183,7 @@ def _experiment(found: Diagnosis, data: Data, model: Model, tell: Callable[[str]
         return None
 
 
-def as_json(found: Diagnosis, gain: Gain | None, trial: Separation | None) -> dict[str, Any]:
+def as_json(found: Diagnosis, gain: Gain | None, trial: DiscriminatingExperiment | None) -> dict[str, Any]:
     """Gather the figures of a diagnosis, those of the FMU in place of the simulation's where there is one."""
     figures = found.as_json()
     if gain is not None:
@@ -203,14 +205,14 @@ def _is_there(option: str, path: Path) -> bool:
         raise UserError(f"{option} {path}: {error.strerror}") from error
 
 
-def _data(model: Model, record: Record, given: Mapping[str, float]) -> Data:
+def _data(model: Model, record: Record, given: Mapping[str, float]) -> Dataset:
     """Split a record into inputs and real outputs; inputs that are absent are constant, as given or as they start."""
     given = {n: value for n, value in given.items() if n in model.inputs}
     constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | given
     inputs = {n: np.full(record.time.size, value) for n, value in constant.items()}
     inputs |= {n: values for n, values in record.signals.items() if n in model.inputs and n not in given}
     real = {n for n, signal in model.outputs.items() if signal.type == "real"}
-    return Data(record.time, inputs, {n: values for n, values in record.signals.items() if n in real})
+    return Dataset(record.time, inputs, {n: values for n, values in record.signals.items() if n in real})
 
 
 def _absent(model: Model, record: Record, given: Mapping[str, float], path: Path) -> list[str]:
@@ -222,7 +224,7 @@ def _absent(model: Model, record: Record, given: Mapping[str, float], path: Path
     ]
 
 
-def _judged(holdout: Data, data: Data, path: Path) -> Data:
+def _judged(holdout: Dataset, data: Dataset, path: Path) -> Dataset:
     """Leave out what only the held-out record has: no model was fitted to it."""
     measured = {n: values for n, values in holdout.measured.items() if n in data.measured}
     if not measured:
@@ -248,7 +250,7 @@ def _show(found: Diagnosis, gain: Gain | None) -> None:
     for note in found.notes:
         out.print(note, markup=False)
     declared = found.selection.best.problem.declared
-    for name in found.differing:
+    for name in found.changed:
         e, p = found.estimates[name], declared[name]
         times = f", times {e.value / e.nominal:.3g}" if e.nominal else ""
         out.print(f"{name} differs: {shown(e.value, p)} instead of {shown(e.nominal, p)}{times}", markup=False)
@@ -272,11 +274,11 @@ def _show(found: Diagnosis, gain: Gain | None) -> None:
 def _show_evidence(found: Diagnosis) -> None:
     rows = plain_table("evidence", "effect", "fall of BIC", "verdict")
     for step in found.selection.steps:
-        rows.add_row(step.chosen.last, f"{step.gain:.1f}", "named")
-        for rival in step.rivals:
-            fall = step.gain - (rival.fitted.bic - step.chosen.fitted.bic)
-            rows.add_row(rival.last, f"{fall:.1f}", "not told apart")
+        rows.add_row(step.chosen.effect_name, f"{step.gain:.1f}", "named")
+        for rival in step.alternatives:
+            fall = step.gain - (rival.fit.bic - step.chosen.fit.bic)
+            rows.add_row(rival.effect_name, f"{fall:.1f}", "not told apart")
     for evidence, fall in found.selection.rejected[:5]:
-        rows.add_row(evidence.last, f"{fall:.1f}", "rejected")
+        rows.add_row(evidence.effect_name, f"{fall:.1f}", "rejected")
     out.print(rows)
     out.print()
