@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import platform
-import shlex
-from collections.abc import Sequence
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -19,13 +17,13 @@ from orchestration.records import Record
 from orchestration.reporting.page import Markup, Page, escaped
 
 
-def page(result: Result, command: Sequence[str]) -> Page:
+def page(result: Result, command: str) -> Page:
     """Make the page.
 
     Parameters
     ----------
     result : Result
-    command : sequence of str
+    command : str
         That made it, to be repeated.
 
     Returns
@@ -85,10 +83,10 @@ def _data(made: Page, result: Result) -> None:
         made.items(repairs)
 
 
-def _reproduce(made: Page, result: Result, command: Sequence[str]) -> None:
+def _reproduce(made: Page, result: Result, command: str) -> None:
     """The command, and what it was given."""
     made.heading("How to reproduce")
-    made.code([shlex.join(command)])
+    made.code([command])
     which = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
     which |= {f"SHA-256 of {record.source.name}": _digest(record.source) for record in _records(result)}
     made.items([Markup(f"{escaped(name)}: <code>{escaped(text)}</code>") for name, text in which.items()])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fmus.kit import units
 from fmus.kit.units import unit_of_differences
@@ -13,16 +14,24 @@ from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import Model
 from orchestration.reporting import pictures
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def draw(diagnosis: Diagnosis, model: Model, path: Path) -> None:
-    """Draw the output that gained most, over the data that no fit has seen.
+
+def draw(diagnosis: Diagnosis, model: Model, path: Path | None = None) -> Figure:
+    """Draw the output that gained most, over the validation data.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     model : Model
         For units.
-    path : Path
+    path : Path, optional
+        Picture to write.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
 
     Raises
     ------
@@ -50,4 +59,6 @@ def draw(diagnosis: Diagnosis, model: Model, path: Path) -> None:
     pictures.label(over, output, signal.display)
     pictures.label(below, "residual", difference)
     over.margins(x=0.0)
-    pictures.save(figure, path)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
