@@ -10,15 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus.kit.build import archive
 from fmus.kit import files
-from fmus.kit.symbolic import codegen
-from fmus.kit.build import toolchain
+from fmus.kit.build import archive, toolchain
 from fmus.kit.build.bundle import RUNTIME_MODULES, bundle
-from fmus.kit.component import Component
 from fmus.kit.build.contents import documents
 from fmus.kit.build.description import Capabilities, describe
+from fmus.kit.component import Component
 from fmus.kit.errors import UserError
+from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import Graph, trace
 
 KIT = Path(__file__).parents[1]

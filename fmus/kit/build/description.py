@@ -8,7 +8,15 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fmus.kit import units
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration, DiscreteDeclaration, InputDeclaration, Layout, OutputDeclaration, ParameterDeclaration, StateDeclaration
+from fmus.kit.declare import (
+    Declaration,
+    DiscreteDeclaration,
+    InputDeclaration,
+    Layout,
+    OutputDeclaration,
+    ParameterDeclaration,
+    StateDeclaration,
+)
 from fmus.kit.symbolic.structure import dependencies
 from fmus.kit.symbolic.trace import Graph
 
