@@ -107,6 +107,26 @@ def find_compiler(target: str) -> Compiler:
     raise UserError(f"no C compiler for {target} on this machine; {INSTALL_HINT}")
 
 
+def available_platforms() -> list[str]:
+    """Platforms that a compiler on this machine can serve.
+
+    Raises
+    ------
+    UserError
+        If there is none, saying what to install.
+    """
+    platforms = []
+    for target in ZIG_TARGETS:
+        try:
+            find_compiler(target)
+        except UserError:
+            continue
+        platforms.append(target)
+    if not platforms:
+        find_compiler(host_platform())  # raises, with the hint
+    return platforms
+
+
 def compile_library(
     sources: Sequence[Path],
     include: Sequence[Path],

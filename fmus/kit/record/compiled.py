@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import files
 from fmus.kit.build import toolchain
+from fmus.kit.build.sources import FOLDER, UNIT, unit
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.interpreted import Interpreted
@@ -28,7 +29,6 @@ from fmus.kit.symbolic.sensitivity import with_sensitivities
 from fmus.kit.symbolic.trace import Graph, trace
 
 Array = NDArray[np.float64]
-_SOURCES = Path(__file__).parents[1] / "fmi2"
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -174,7 +174,7 @@ class _Library:
 
 def _load(graph: Graph) -> Any:
     """Compile, or take from the cache, and bind ``ppy_simulate``."""
-    sources = {p.name: p.read_bytes() for p in _SOURCES.iterdir()}
+    sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()}
     sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
     target = toolchain.host_platform()
     digest = hashlib.sha256(toolchain.find_compiler(target).label.encode())
@@ -185,11 +185,10 @@ def _load(graph: Graph) -> Any:
         with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
             for name, contents in sources.items():
                 (Path(folder) / name).write_bytes(contents)
-            parts = ("record.c", "native.c", "integrate.c", "model.c", "laws.c")
-            everything = Path(folder) / "everything.c"  # one translation unit, as in the FMU
-            everything.write_text("".join(f'#include "{name}"\n' for name in parts), encoding="utf-8")
+            whole = Path(folder) / UNIT
+            whole.write_bytes(unit("record.c", "native.c", "integrate.c", "model.c", "laws.c"))
             library = toolchain.compile_library(
-                [everything], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
+                [whole], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
             )
         files.write_once(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate
