@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import Any, ClassVar
 from zlib import crc32
 
-from .declare import Declaration, Layout, Preset, arrange, check, take
+from .declare import Declaration, Preset
 from .errors import UserError, suggestion
+from .layout import Layout, arrange, check, extract
 
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
@@ -60,11 +61,11 @@ class Component:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        cls.declared = take(cls)
-        found: dict[str, Declaration] = {}
+        cls.declared = extract(cls)
+        inherited: dict[str, Declaration] = {}
         for base in reversed(cls.__mro__):
-            found |= vars(base).get("declared", {})
-        cls.layout = arrange(found.values())
+            inherited |= vars(base).get("declared", {})
+        cls.layout = arrange(inherited.values())
         check(cls, cls.layout)
 
     def __init__(self, **values: Any) -> None:

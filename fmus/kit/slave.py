@@ -38,7 +38,7 @@ class Slave:
     cls : type[Component]
         The component.
     memory : memoryview
-        Doubles in the order of :class:`fmus.kit.declare.Layout`, then derivatives, then the internals
+        Doubles in the order of :class:`fmus.kit.layout.Layout`, then derivatives, then the internals
         ``hint, start time, tolerance, parameters changed`` and a counter for each sampled group
         (``fmi2/engine.h``).
     """

@@ -27,6 +27,7 @@ RUNTIME_MODULES = (
     "functions",
     "generic",
     "integrate",
+    "layout",
     "sensors",
     "slave",
 )

@@ -12,11 +12,11 @@ from fmus.kit.declare import (
     Declaration,
     DiscreteDeclaration,
     InputDeclaration,
-    Layout,
     OutputDeclaration,
     ParameterDeclaration,
     StateDeclaration,
 )
+from fmus.kit.layout import Layout
 from fmus.kit.symbolic.structure import dependencies
 from fmus.kit.symbolic.trace import Graph
 

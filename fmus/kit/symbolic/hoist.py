@@ -10,8 +10,7 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import ParameterDeclaration
-from fmus.kit.symbolic.sensitivity import named
+from fmus.kit.declare import ParameterDeclaration, named
 from fmus.kit.symbolic.trace import Graph
 
 

@@ -14,15 +14,9 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import Declaration, ParameterDeclaration
+from fmus.kit.declare import Declaration, ParameterDeclaration, named
 from fmus.kit.errors import UserError
 from fmus.kit.symbolic.trace import Graph
-
-
-def named(declaration: Declaration, name: str) -> Any:
-    """Name a declaration outside a class body."""
-    declaration.name = name
-    return declaration
 
 
 def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:

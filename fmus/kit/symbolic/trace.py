@@ -16,8 +16,9 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration, Layout
+from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
+from fmus.kit.layout import Layout
 
 
 @dataclass(frozen=True)

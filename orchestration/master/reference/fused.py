@@ -20,9 +20,9 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import Declaration, DiscreteDeclaration, InputDeclaration, Layout, ParameterDeclaration
+from fmus.kit.declare import Declaration, DiscreteDeclaration, InputDeclaration, ParameterDeclaration, named
 from fmus.kit.errors import UserError
-from fmus.kit.symbolic.sensitivity import named
+from fmus.kit.layout import Layout
 from fmus.kit.symbolic.trace import Graph, trace
 from orchestration.system.check import check
 from orchestration.system.model import Member, System
