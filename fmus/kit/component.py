@@ -82,8 +82,8 @@ class Component:
 
     def start(self) -> None:
         """Put every state at its start value."""
-        for state in (*self.layout.states, *self.layout.discretes):
-            setattr(self, state.name, getattr(self, f"{state.name}_start"))
+        for state, parameter in self.layout.start_of.items():
+            setattr(self, state, getattr(self, parameter))
 
     def laws(self, names: list[str]) -> list[Callable[[], Any]]:
         """Return the bound methods that the declarations name; an overriding effect is found by the MRO."""
@@ -140,7 +140,8 @@ def _owners(cls: type[Component]) -> dict[str, type]:
 def _redeclared(prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float]) -> dict[str, Any]:
     """Declare parameters anew with other defaults; the start value of a state is in the state's declaration."""
     holders: dict[str, Any] = {p.name: p for part in parts for p in part.layout.parameters}
-    holders |= {f"{s.name}_start": s for part in parts for s in (*part.layout.states, *part.layout.discretes)}
+    layouts = [part.layout for part in parts]
+    holders |= {layout.start_of[s.name]: s for layout in layouts for s in (*layout.states, *layout.discretes)}
     for name in defaults:
         if name not in holders:
             raise UserError(f"{prefix}: no parameter named {name!r}{suggestion(name, holders)}")

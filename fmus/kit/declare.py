@@ -62,7 +62,15 @@ class Started(Declaration):
 
 @dataclass(kw_only=True, eq=False)
 class ParameterDeclaration(Started):
-    """A value fixed before the simulation starts."""
+    """A value fixed before the simulation starts.
+
+    Attributes
+    ----------
+    starts : str or None
+        The state, continuous or discrete, whose start value it is; filled in where the layout is made.
+    """
+
+    starts: str | None = field(default=None, init=False)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -98,6 +106,12 @@ def named(declaration: _D, name: str) -> _D:
     """Name a declaration outside a class body."""
     declaration.name = name
     return declaration
+
+
+def starting(parameter: ParameterDeclaration, state: str) -> ParameterDeclaration:
+    """Make a parameter the start value of a state, and name it after that."""
+    parameter.starts = state
+    return named(parameter, f"{state}_start")
 
 
 def Parameter(default: Number, unit: str, **about: Any) -> Any:

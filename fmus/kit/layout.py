@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 from typing import Any
 
@@ -16,7 +17,7 @@ from .declare import (
     ParameterDeclaration,
     Started,
     StateDeclaration,
-    named,
+    starting,
 )
 from .errors import UserError
 
@@ -57,6 +58,16 @@ class Layout:
     def names(self) -> list[str]:
         """Every name in memory order, derivatives included."""
         return [v.name for v in self.variables] + [name for name, _ in self.derivatives]
+
+    @cached_property
+    def start_parameters(self) -> dict[str, str]:
+        """Name of each parameter that is a start value, to the name of the state that starts there."""
+        return {p.name: p.starts for p in self.parameters if p.starts is not None}
+
+    @cached_property
+    def start_of(self) -> dict[str, str]:
+        """Name of each state, continuous or discrete, to the name of the parameter that it starts at."""
+        return {state: parameter for parameter, state in self.start_parameters.items()}
 
     @property
     def sampled(self) -> list[tuple[str | float, tuple[DiscreteDeclaration, ...]]]:
@@ -118,7 +129,7 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
             start=state.start, unit=state.unit, doc=f"value of {state.name} at the start", min=state.min, max=state.max,
             nominal=state.nominal, display=state.display, type=state.type,
         )  # fmt: skip
-        starts.append(named(start, f"{state.name}_start"))
+        starts.append(starting(start, state.name))
     parameters = (*of(ParameterDeclaration), *starts)
     return Layout(parameters, *map(of, (InputDeclaration, StateDeclaration, DiscreteDeclaration, OutputDeclaration)))
 

@@ -46,7 +46,7 @@ class Interpreted:
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
         self._groups = layout.inputs, (*layout.states, *layout.discretes), layout.outputs
-        self._starts = [[index[f"{v.name}_start"] for v in group] for group in (layout.states, layout.discretes)]
+        self._starts = [[index[layout.start_of[v.name]] for v in group] for group in (layout.states, layout.discretes)]
         self._nominal = np.array([state.nominal for state in layout.states])
         self._periods = [index[p] if isinstance(p, str) else float(p) for p, _ in layout.sampled]
         sizes = len(layout.parameters), len(layout.inputs), len(layout.states), len(layout.discretes)

@@ -60,10 +60,10 @@ class Graph:
     @cached_property
     def start(self) -> tuple[ca.SX, ca.SX]:
         """Start parameters of the states and of the discrete states."""
-        index = {p.name: i for i, p in enumerate(self.layout.parameters)}
+        index = {p.starts: i for i, p in enumerate(self.layout.parameters)}
 
         def starts(group: Sequence[Declaration]) -> ca.SX:
-            return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[f"{v.name}_start"]] for v in group))
+            return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[v.name]] for v in group))
 
         return starts(self.layout.states), starts(self.layout.discretes)
 
@@ -137,7 +137,7 @@ class Graph:
         if unknown:
             raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
         known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
-        known = {v.name: known[f"{v.name}_start"] for v in (*layout.states, *layout.discretes)} | known
+        known = {state: known[parameter] for state, parameter in layout.start_of.items()} | known
         return [np.array([float(known[v.name]) for v in group]) for group in groups]
 
 
