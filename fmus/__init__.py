@@ -33,7 +33,8 @@ def component(name: str) -> type[Component]:
     if name not in COMPONENTS:
         raise UserError(f"no component named {name!r}{suggestion(name, COMPONENTS)}")
     module, cls = COMPONENTS[name].split(":")
-    return getattr(importlib.import_module(f"{__name__}.{module}"), cls)
+    found: type[Component] = getattr(importlib.import_module(f"{__name__}.{module}"), cls)
+    return found
 
 
 def effects(name: str) -> dict[str, type[Effect]]:

@@ -83,8 +83,10 @@ def _trial(cls: type[Component], batch: bool) -> Callable[..., float] | None:
         return None
     namespace: dict[str, Any] = {"inf": math.inf, "sqrt": math.sqrt}
     exec(_unrolled(names, batch), namespace)
-    # a trial step that overflows is rejected, no reason for NumPy to warn
-    return sys.modules["numpy"].errstate(all="ignore")(namespace["step"]) if batch else namespace["step"]
+    step: Callable[..., float] = namespace["step"]
+    if batch:  # a trial step that overflows is rejected, no reason for NumPy to warn
+        step = sys.modules["numpy"].errstate(all="ignore")(step)
+    return step
 
 
 class Integrator:

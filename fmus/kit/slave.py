@@ -27,7 +27,8 @@ def _transfer(*statements: str) -> Callable[[Component, Any], None]:
     """
     namespace: dict[str, Any] = {}
     exec("def transfer(m, y):\n    " + ("; ".join(statements) or "pass"), namespace)
-    return namespace["transfer"]
+    transfer: Callable[[Component, Any], None] = namespace["transfer"]
+    return transfer
 
 
 class Slave:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit import units
+from fmus.kit.build.xml import serialized
 from fmus.kit.component import Component
 from fmus.kit.declare import (
     Declaration,
@@ -103,8 +104,7 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
                tolerance=_number(cls.tolerance))  # fmt: skip
     _variables(root, cls)
     _structure(root, cls.layout, graph)
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    return serialized(root)
 
 
 def _origin(cls: type[Component]) -> dict[str, str]:

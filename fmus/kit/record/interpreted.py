@@ -6,6 +6,7 @@ The same operations in the same order as ``fmi2/record.c``, at a hundredth of it
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,11 +24,12 @@ class _Law:
 
     def __init__(self, function: ca.Function, arguments: list[Array], size: int):
         self.result = np.zeros(size)
-        self._kept = function, arguments  # the buffer borrows their memory
-        self._buffer, self._call = function.buffer()
+        buffer: Any  # CasADi's stubs want a size beside the memoryview, which has one
+        buffer, self._call = function.buffer()
         for i, argument in enumerate(arguments):
-            self._buffer.set_arg(i, memoryview(argument))  # type: ignore[arg-type, call-arg]
-        self._buffer.set_res(0, memoryview(self.result))  # type: ignore[arg-type, call-arg]
+            buffer.set_arg(i, argument.data)
+        buffer.set_res(0, self.result.data)
+        self._kept = function, buffer, arguments  # the call borrows their memory
 
     def __call__(self) -> Array:
         self._call()
