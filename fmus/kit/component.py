@@ -38,7 +38,8 @@ class Component:
     author, license : str
         For the FMU's description; left out where empty.
     remark : str
-        What was made of it beyond its class, one statement to a line, for the FMU's description and documentation.
+        How it differs from its class (effects, fitted values), for the FMU's description and documentation; one
+        statement to a line.
     tolerance : float
         Declared accuracy of the internal integration: local error per internal step, relative to
         ``nominal + |state|``.
@@ -99,7 +100,7 @@ class Component:
 
 
 class Effect(Component):
-    """A known way a component is wrong: a mixin that overrides one law through ``super()``.
+    """An unmodelled effect of known form: a mixin that overrides one law of a component through ``super()``.
 
     An effect of the physics overrides laws; an output is for effects of its measurement, which no law sees
     (:mod:`fmus.kit.sensors`).
@@ -127,7 +128,7 @@ def _label(effect: type[Effect]) -> str:
 
 
 def _joined(parts: list[str]) -> str:
-    """Join names into one; a long one ends in a number that tells it apart, because it becomes a file name."""
+    """Join names into one; a long one ends in a checksum of the whole, because it becomes a file name."""
     name = "_with_".join(parts)
     return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
 

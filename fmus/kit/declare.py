@@ -1,4 +1,4 @@
-"""Declarations: what a component's variables are, said once.
+"""Declarations: what a component's variables are, stated once.
 
 A declaration is written as a class attribute; the value of the same name lives in the instance. Units are strings
 that pint understands and are SI throughout; ``display`` names the unit people prefer to read.

@@ -157,7 +157,7 @@ def _check_variables(owner: Any, layout: Layout) -> None:
     """Check each variable for itself: name, range, nominal value, type and start value."""
     component = owner.__mro__[-2]
     names = set()
-    # parameters last, so that a mistake in a state is not said of its start parameter
+    # parameters last, so that a mistake in a state is not blamed on its start parameter
     for v in (*layout.inputs, *layout.states, *layout.discretes, *layout.outputs, *layout.parameters):
         holder = component if isinstance(v, OutputDeclaration) else owner  # the law of an output has its name
         if not _is_name(v.name) or v.name.startswith("_"):

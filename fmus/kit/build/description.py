@@ -108,11 +108,11 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
 
 
 def _origin(cls: type[Component]) -> dict[str, str]:
-    """Author and licence as the class tells them; ours need not, if nothing of somebody else is in them."""
+    """Author and licence as the class declares them; ours need not, if nothing of somebody else is in them."""
     package = __package__.partition(".")[0]
     ours = all(part.__module__.partition(".")[0] == package for part in cls.__mro__ if part is not object)
-    told = {"author": cls.author, "license": cls.license}
-    return {name: text or _OURS[name] for name, text in told.items() if text or ours}
+    declared = {"author": cls.author, "license": cls.license}
+    return {name: text or _OURS[name] for name, text in declared.items() if text or ours}
 
 
 def _flag(value: bool) -> str:

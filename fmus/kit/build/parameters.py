@@ -22,7 +22,7 @@ class Typed(Protocol):
 
     @property
     def unit(self) -> str:
-        """As pint reads it; empty where the unit is not to be told."""
+        """As pint reads it; empty where no unit is to be written."""
 
 
 def to_ssv(name: str, values: Mapping[str, float], declared: Mapping[str, Typed], doc: str = "") -> bytes:

@@ -102,8 +102,8 @@ def find_compiler(target: str) -> Compiler:
         return Compiler((sys.executable, "-m", "ziglang", "cc"), ZIG_TARGETS[target])
     if target == host_platform() and target != "win64":
         for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
-            if found := shutil.which(name):
-                return Compiler((found,))
+            if path := shutil.which(name):
+                return Compiler((path,))
     raise UserError(f"no C compiler for {target} on this machine; {INSTALL_HINT}")
 
 

@@ -93,7 +93,7 @@ class CompiledModel:
         linear : bool
             Interpolate inputs between samples instead of holding them.
         effort : float
-            Internal steps per sample, on average, that are made before it is given up.
+            Internal steps per sample, on average, beyond which the simulation is abandoned.
 
         Returns
         -------
@@ -116,18 +116,18 @@ class CompiledModel:
             if name not in values:
                 raise UserError(f"no parameter named {name!r}")
             values[name] = float(value)
-        given = np.array(list(values.values()))
+        vector = np.array(list(values.values()))
         n = len(time)
         fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
-        everything = np.concatenate([given, self._hoisted(given).full()[:, 0]])
+        everything = np.concatenate([vector, self._hoisted(vector).full()[:, 0]])
         times = np.ascontiguousarray(time, dtype=float)
         outputs, states = self._engine.simulate(times, table, linear, everything, self._graph.tolerance, effort)
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
         continuous, discrete = np.split(states, [len(layout.states)], axis=1)
-        own = self.layout
-        for group, rows in ((own.outputs, outputs), (own.states, continuous), (own.discretes, discrete)):
+        base = self.layout
+        for group, rows in ((base.outputs, outputs), (base.states, continuous), (base.discretes, discrete)):
             # each row holds the values, then their derivatives, parameter by parameter
             by_parameter = rows.reshape(n, 1 + len(self.names), len(group))
             for i, variable in enumerate(group):

@@ -28,7 +28,7 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     Graph
         With additional parameters, last in the list.
     casadi.Function
-        Their values, as a column, from the parameters of the graph that was given.
+        Their values, as a column, from the parameters of the original graph.
     """
     laws = ca.Function("laws", graph.arguments, [graph.rates, graph.outputs, *graph.updates])
     results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]

@@ -99,7 +99,7 @@ class Graph:
         Parameters
         ----------
         **values : float
-            Parameters, inputs and states by name (SI); the rest are at their defaults.
+            Parameters, inputs and states by name (SI); all others are at their defaults.
 
         Returns
         -------
@@ -136,9 +136,9 @@ class Graph:
         unknown = set(values) - {v.name for group in groups for v in group}
         if unknown:
             raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
-        known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
-        known = {state: known[parameter] for state, parameter in layout.start_of.items()} | known
-        return [np.array([float(known[v.name]) for v in group]) for group in groups]
+        chosen = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
+        chosen = {state: chosen[parameter] for state, parameter in layout.start_of.items()} | chosen
+        return [np.array([float(chosen[v.name]) for v in group]) for group in groups]
 
 
 def trace(cls: type[Component]) -> Graph:
