@@ -295,3 +295,4 @@ def test_a_fused_single_component_is_the_component():
     alone, fused = CompiledModel(trace(cls)).run(time, inputs), CompiledModel(fuse(system)).run(time, inputs)
     for name, values in alone.signals.items():
         np.testing.assert_array_equal(fused.signals[f"m.{name}"], values)
+    assert fuse(system).layout.start_of == {f"m.{k}": f"m.{v}" for k, v in cls.layout.start_of.items()}
