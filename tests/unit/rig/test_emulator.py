@@ -17,8 +17,7 @@ from orchestration.rig import emulator as rig
 from orchestration.rig.emulator.emulator import EmulatedRig, Physics, RigParameters
 from orchestration.rig.emulator.hidden_coupling import LoadDependentVoltage, SaturatingStrain
 from orchestration.rig.emulator.hidden_electrical import GrowingResistance
-from orchestration.rig.emulator.physics import together
-from orchestration.rig.emulator.run import propagate
+from orchestration.rig.emulator.physics import propagate, together
 
 NOMINAL = RigParameters()
 quiet = partial(EmulatedRig, voltage_noise=0.0, displacement_noise=0.0)
@@ -38,7 +37,7 @@ def square_wave(time, amplitude, period):
 
 RIG = [
     *Path(rig.__file__).parent.glob("hidden_*.py"),
-    *(Path(rig.__file__).with_name(n) for n in ("emulator.py", "physics.py", "run.py", "refit.py", "variations.py")),
+    *(Path(rig.__file__).with_name(n) for n in ("emulator.py", "physics.py", "refit.py", "variations.py")),
 ]
 
 
