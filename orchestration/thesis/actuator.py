@@ -13,7 +13,7 @@ from fmus.galvanostat.model import Galvanostat
 from fmus.kit.integrate import Integrator
 from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.experiment import waveforms as stimuli
+from orchestration.experiment import waveforms
 from orchestration.reporting import pictures
 from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration
 
@@ -186,7 +186,7 @@ def staircase() -> tuple[Array, Array]:
     """
     period = 60.0  # s, of one load and its removal; not printed. Nine pass the 500 s that section 5.3.2 speaks of
     time = np.arange(0.0, 10.0 * period + 1.0)
-    return time, stimuli.force_staircase(time, period)
+    return time, waveforms.force_staircase(time, period)
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -213,7 +213,7 @@ def illustrations() -> tuple[Illustration, ...]:
 
 def _square() -> Figure:
     time = np.linspace(0.0, 30.0, 1500, endpoint=False)
-    current = stimuli.square_wave(time, 0.9, 0.2)
+    current = waveforms.square_wave(time, 0.9, 0.2)
     found = run(time, {"current": current})
     figure, axes = pictures.panels(3, "±0.9 A at 0.2 Hz, 12 layers")
     for axis, name, unit, values in zip(

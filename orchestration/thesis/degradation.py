@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from orchestration.experiment.waveforms import square_wave
 from orchestration.identify.impedance import least_squares_windows, magnitude, tustin, zero_order_hold
 from orchestration.reporting import pictures
-from orchestration.system.ageing_actuator import FIRST_VOLTAGE, capacitance, periodic_voltage
+from orchestration.system.library import FIRST_VOLTAGE, capacitance, periodic_voltage
 from orchestration.thesis import ageing
 from orchestration.thesis.circuit import CIRCUIT, PERIOD, response
 from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration

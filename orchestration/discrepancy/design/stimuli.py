@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.selection.search import Data, Evidence
-from orchestration.experiment import waveforms as stimuli
+from orchestration.experiment import waveforms
 
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 _STAYS = (600.0, 120.0, 25.0)  # shortest stays, as shares of the duration: what answers at once, what creeps
 _SHAPES: dict[str, Callable[..., Array]] = {
     "constant": lambda time, value: np.full(time.size, value),
-    "multilevel": lambda time, levels, dwell, seed: stimuli.multilevel(time, levels, dwell, seed),
-    "ramps": lambda time, times, levels: stimuli.ramps(time, times, levels),
-    "steps": lambda time, times, levels, initial: stimuli.steps(time, times, levels, initial),
+    "multilevel": lambda time, levels, dwell, seed: waveforms.multilevel(time, levels, dwell, seed),
+    "ramps": lambda time, times, levels: waveforms.ramps(time, times, levels),
+    "steps": lambda time, times, levels, initial: waveforms.steps(time, times, levels, initial),
 }
 
 

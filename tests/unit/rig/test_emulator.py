@@ -13,7 +13,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.signal import lsim
 
-from orchestration.rig import emulator as rig
+from orchestration.rig import emulator
 from orchestration.rig.emulator.emulator import EmulatedRig, Physics, RigParameters
 from orchestration.rig.emulator.hidden_coupling import LoadDependentVoltage, SaturatingStrain
 from orchestration.rig.emulator.hidden_electrical import GrowingResistance
@@ -36,8 +36,8 @@ def square_wave(time, amplitude, period):
 
 
 RIG = [
-    *Path(rig.__file__).parent.glob("hidden_*.py"),
-    *(Path(rig.__file__).with_name(n) for n in ("emulator.py", "physics.py", "refit.py", "variations.py")),
+    *Path(emulator.__file__).parent.glob("hidden_*.py"),
+    *(Path(emulator.__file__).with_name(n) for n in ("emulator.py", "physics.py", "refit.py", "variations.py")),
 ]
 
 
