@@ -18,6 +18,7 @@ from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from orchestration.identify.metrics import Whiteness, whiteness
 
 Array = NDArray[np.float64]
@@ -227,4 +228,6 @@ def _run(path: Path, values: Mapping[str, float], found: Diagnosis) -> dict[str,
     data = found.unseen.data
     with Fmu(path, values) as fmu:
         fmu.start(float(data.time[0]))
-        return fmu.run(data.time, data.inputs, list(data.measured), linear=data.linear)
+        return simulate_instance(
+            fmu, data.time, data.inputs, list(data.measured), linear=data.inputs if data.linear else ()
+        )
