@@ -19,7 +19,7 @@ from orchestration.cli import diagnose as screen_diagnose
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.report import picture
 from orchestration.discrepancy.report.wording import sentence
-from orchestration.experiment import waveforms as stimuli
+from orchestration.experiment import waveforms
 from orchestration.fmu import simulate
 from orchestration.fmu.model import Model, find_model
 from orchestration.identify import comparison as comparing
@@ -106,12 +106,12 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
     short = simulate.grid(0.0, 60.0, _STEP)
     long = simulate.grid(0.0, 500.0, _STEP)
     cases = [
-        ("fig_3_4", "Thesis fig. 3-4: ±0.9 A at 0.2 Hz", short, {"current": stimuli.square_wave(short, 0.9, 0.2)}),
+        ("fig_3_4", "Thesis fig. 3-4: ±0.9 A at 0.2 Hz", short, {"current": waveforms.square_wave(short, 0.9, 0.2)}),
         (
             "fig_3_6",
             "Thesis fig. 3-6: loads from 0.5 N to 2.75 N",
             long,
-            {"force": stimuli.force_staircase(long, period=50.0)},
+            {"force": waveforms.force_staircase(long, period=50.0)},
         ),
     ]
     runs = []
@@ -143,8 +143,8 @@ def _measure(
 ) -> Path:
     """Let the emulated rig run for ten minutes at 10 Hz and write what its instruments show."""
     time = simulate.grid(0.0, 600.0, _STEP)
-    current = stimuli.multilevel(time, [-0.9, -0.45, 0.0, 0.45, 0.9], (2.0, 8.0), seed)
-    force = stimuli.multilevel(time, [0.5, 1.0, 1.75, 2.75], (15.0, 45.0), seed + 100)
+    current = waveforms.multilevel(time, [-0.9, -0.45, 0.0, 0.45, 0.9], (2.0, 8.0), seed)
+    force = waveforms.multilevel(time, [0.5, 1.0, 1.75, 2.75], (15.0, 45.0), seed + 100)
     inputs = {"current": current, "force": force}
     write_record(path, time, inputs | EmulatedRig(truth, seed=seed, hidden=hidden).run(time, **inputs), _UNITS)
     return path

@@ -27,7 +27,7 @@ from orchestration.identify.comparison import read_for
 from orchestration.identify.metrics import number
 from orchestration.records import Record, parse_mapping
 from orchestration.reporting.console import out, plain_table, progress, tell_repairs
-from orchestration.rig.emulator import DRIVEN, HIGHEST, LIMITS
+from orchestration.rig import DRIVEN, HIGHEST, LIMITS
 
 if TYPE_CHECKING:
     from fmus.kit import Effect

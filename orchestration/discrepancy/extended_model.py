@@ -20,6 +20,7 @@ from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.validation.prediction import parameters_on
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from orchestration.identify.metrics import Whiteness, whiteness
 
 Array = NDArray[np.float64]
@@ -229,4 +230,6 @@ def _run(path: Path, values: Mapping[str, float], validation: ValidationData) ->
     data = validation.data
     with Fmu(path, values) as fmu:
         fmu.start(float(data.time[0]))
-        return fmu.run(data.time, data.inputs, list(data.measured), linear=data.linear)
+        return simulate_instance(
+            fmu, data.time, data.inputs, list(data.measured), linear=data.inputs if data.linear else ()
+        )

@@ -54,9 +54,8 @@ from orchestration.rig.emulator.hidden_sensor import (
     SluggishSensor,
 )
 from orchestration.rig.emulator.hidden_unknown import Hum, LooseContact, LooseFixture, RestlessAir, SlippingClamp
-from orchestration.rig.emulator.physics import together
+from orchestration.rig.emulator.physics import Step, together
 from orchestration.rig.emulator.records import draw, write
-from orchestration.rig.emulator.run import Step
 from orchestration.rig.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
 
 NOMINAL = RigParameters()

@@ -13,7 +13,8 @@ from scipy.stats import norm
 
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.systems.cut import IsolatedMember
-from orchestration.fmu.instance import Fmu, unpack
+from orchestration.fmu.archive import unpack
+from orchestration.fmu.instance import Fmu
 from orchestration.system.check import interface
 
 Array = NDArray[np.float64]

@@ -21,8 +21,7 @@ from orchestration.discrepancy.systems.member import opened
 from orchestration.experiment.waveforms import multilevel
 from orchestration.master.reference.fused import fuse
 from orchestration.records import write_record
-from orchestration.system import Member, Port, System, connect, ssp
-from orchestration.system import library as shipped
+from orchestration.system import Member, Port, System, connect, library, ssp
 from orchestration.system.model import Connection
 from tests.support.hosts import build_one_state_fmu
 
@@ -62,7 +61,7 @@ def measure(path, system, columns, time, inputs, every, hidden=None, values=None
 
 def watched(folder, columns=WATCH, **hidden):
     """Degradation watch over five minutes at 10 Hz, its protection at rest."""
-    system, time = shipped.system("degradation_watch"), 0.1 * np.arange(3000)
+    system, time = library.system("degradation_watch"), 0.1 * np.arange(3000)
     inputs = {
         "current_command": multilevel(time, [-0.6, -0.2, 0.3, 0.6], (1.0, 5.0), 2),
         "force": multilevel(time, [0.5, 1.0, 2.0], (8.0, 20.0), 2),
@@ -74,7 +73,7 @@ def watched(folder, columns=WATCH, **hidden):
 
 def held_bench(folder, **hidden):
     """Bench over six seconds at 100 Hz."""
-    system, every = shipped.system("dma_bench"), 10
+    system, every = library.system("dma_bench"), 10
     grid = 0.01 * np.arange(600)
     inputs = {
         "force_reference": np.repeat(multilevel(grid, [0.5, 1.0, 2.0, 3.0], (0.5, 2.0), 1), every),
