@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 import statistics
 import tokenize
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -108,3 +110,17 @@ def test_imports_are_seen_wherever_they_stand() -> None:
     assert {"ast", "pathlib.Path", "tests.support.system", "tests.support.system.samples"} <= set(
         imported(Path(__file__))
     )
+
+
+def test_the_hooks_before_a_commit_are_the_checks_of_make() -> None:
+    makefile, hooks = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", ".pre-commit-config.yaml"))
+    checks = makefile.split("\ncheck:")[1].split("\n\n")[0].splitlines()[1:]
+    entries = [text.replace(" --force-exclude", "") for text in re.findall(r"entry: \.venv/bin/(.*)", hooks)]
+    assert entries == [re.sub(r"^\t\$\(BIN\)/| \.$", "", line) for line in checks]
+    assert set(re.findall(r"repo: (\S+)", hooks)) == {"local"}, "nothing is fetched from elsewhere"
+
+
+def test_one_version_is_named_everywhere() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## [{version}] - " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
