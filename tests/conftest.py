@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers on two cores; before numpy is loaded
 
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ from fmus import COMPONENTS, component
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 
+pytest.register_assert_rewrite("tests.contract", "tests.support")  # their assertions explain themselves, too
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
@@ -53,6 +55,15 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser() -> str:
+    """Path of a browser; skips where there is none."""
+    names = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+    for path in filter(None, map(shutil.which, names)):
+        return path
+    pytest.skip(f"no browser here: none of {', '.join(names)} is installed")
 
 
 @pytest.fixture(scope="session")

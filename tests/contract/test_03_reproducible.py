@@ -6,12 +6,11 @@ import hashlib
 import importlib.util
 import itertools
 import sys
-import zipfile
 
 from fmus import component
 from fmus.kit import build
 from fmus.kit.build.toolchain import host_platform
-from tests.contract.raw import Instance, Library, unzipped
+from tests.contract import checks
 from tests.contract.subjects import actuators_only
 from tests.support import hosts
 
@@ -84,18 +83,8 @@ def test_guid_differs_between_builds_of_one_component(name):
 
 
 def test_library_knows_the_guid_of_the_description(archive):
-    with unzipped(archive) as folder:
-        library = Library(folder)
-        with Instance(library) as right:
-            assert right.component is not None
-        with Instance(library, guid=b"{00000000-0000-0000-0000-000000000000}") as wrong:
-            assert wrong.component is None
-            assert library.guid in wrong.messages[0]
+    checks.library_knows_the_guid_of_the_description(archive)
 
 
 def test_no_time_and_no_order_of_this_machine_is_in_the_archive(archive):
-    with zipfile.ZipFile(archive) as opened:
-        entries = opened.infolist()
-    assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
-    names = [entry.filename for entry in entries]
-    assert names == ["modelDescription.xml", *sorted(set(names) - {"modelDescription.xml"})]
+    checks.no_time_and_no_order_of_this_machine(archive)

@@ -3,48 +3,18 @@
 from __future__ import annotations
 
 import itertools
-import struct
 from ctypes import byref
 
 import numpy as np
 import pytest
 
 from fmus import COMPONENTS
+from tests.contract import checks
+from tests.contract.checks import STEPS
 from tests.contract.models import Oscillator, Sampler
 from tests.contract.raw import OK, Instance, Library, doubles, instance, integers, unzipped
+from tests.contract.schedule import continuation, go, schedule
 from tests.support import hosts
-
-STEPS = 60
-FOOT_LOADS = [f"{actuator}_tension" for actuator in ("an", "po", "do", "pl")] + ["toe_force_x", "toe_force_y"]
-
-
-def schedule(library: Library, seed: int, count: int) -> list[tuple[float, dict[str, float]]]:
-    """Random steps and inputs; steps from far below to far above the one that the FMU proposes."""
-    rng = np.random.default_rng(seed)
-    inputs = [n for n, causality in library.causality.items() if causality == "input"]
-    sizes = {"length_change": 1e-3, "speed": 30.0, "growth": 0.0} | dict.fromkeys(FOOT_LOADS, 0.02)
-    moves = []
-    for _ in range(count):
-        values = {n: float(sizes.get(n, 1.0) * rng.uniform(-1, 1)) for n in inputs}
-        values |= {n: float(abs(values[n]) > 0.2) for n in inputs if library.variables[n][1] == "Boolean"}
-        moves.append((float(library.step * 10 ** rng.uniform(-2, 1.3)), values))
-    return moves
-
-
-def go(one: Instance, moves) -> bytes:
-    """Make the steps; every bit of every variable at every point."""
-    trail = []
-    for size, values in moves:
-        one.set(values)
-        one.step(size)
-        trail += one.everything()
-    return struct.pack(f"{len(trail)}d", *trail)
-
-
-def continuation(one: Instance, state, time: float, moves) -> bytes:
-    one.restore(state)
-    one.time = time
-    return go(one, moves)
 
 
 @pytest.fixture(params=[*COMPONENTS, Sampler, Oscillator], ids=lambda p: p if isinstance(p, str) else p.name)
@@ -54,29 +24,11 @@ def model(request, fmu, built, runtime):
 
 
 def test_going_on_from_a_saved_state_gives_the_same_bits(model):
-    with instance(model) as one:
-        one.initialize()
-        go(one, schedule(one.library, 1, STEPS))
-        moves, state, time = schedule(one.library, 2, STEPS), one.save(), one.time
-        first = go(one, moves)
-        assert continuation(one, state, time, moves) == first
-        assert continuation(one, state, time, moves) == first, "restoring does not use the state up"
-        one.forget(state)
+    checks.going_on_from_a_saved_state_gives_the_same_bits(model)
 
 
 def test_a_state_may_be_restored_in_any_mode_and_in_another_instance(model):
-    with unzipped(model) as folder:
-        library = Library(folder)
-        with Instance(library) as one, Instance(library, b"another") as other:
-            one.initialize()
-            go(one, schedule(library, 1, STEPS))
-            moves, state, time = schedule(library, 2, STEPS), one.save(), one.time
-            first = go(one, moves)
-            assert continuation(other, state, time, moves) == first, "into an instance that was never initialized"
-            for spoil in ("fmi2Terminate", "fmi2Reset"):
-                other.do(spoil)
-                assert continuation(other, state, time, moves) == first
-            one.forget(state)
+    checks.a_state_may_be_restored_anywhere(model)
 
 
 def test_restoring_brings_the_parameters_back_too(archive, subject):

@@ -8,23 +8,18 @@ import pytest
 
 from fmus import component
 from fmus.kit import stack
-from tests.contract import leaks
+from tests.contract import checks, leaks
+from tests.contract.checks import STEPS
 from tests.contract.models import BrokenOutput, Oscillator, Sampler
-from tests.contract.raw import ERROR, Instance, Library, instance, unzipped
+from tests.contract.raw import ERROR, Instance, instance
+from tests.contract.schedule import go, schedule
 from tests.contract.subjects import ACTUATORS, Subject, actuators_only
-from tests.contract.test_05_state import go, schedule
 from tests.support import hosts
 
-STEPS = 60
 CYCLES = 10_000
 # Python's allocator settles only after thousands of objects have come and gone.
 WARM_UP = {"native": 2_000, "python": 6_000}
 MEGABYTE = 2**20
-
-
-def run(one: Instance, subject: Subject) -> bytes:
-    one.initialize(subject.parameters)
-    return go(one, schedule(one.library, 7, STEPS))
 
 
 def _initializing(one: Instance, subject: Subject) -> None:
@@ -39,32 +34,9 @@ def _refused(one: Instance, subject: Subject) -> None:
     assert one.call("fmi2ExitInitializationMode") == ERROR
 
 
-def _stepping(one: Instance, subject: Subject) -> None:
-    one.do("fmi2SetupExperiment", 1, 1e-11, 5.0, 1, 9e9)
-    one.set({**subject.parameters, **subject.inputs})
-    one.do("fmi2EnterInitializationMode")
-    one.do("fmi2ExitInitializationMode")
-    one.time = 5.0
-    go(one, schedule(one.library, 8, STEPS))
-
-
-def _terminated(one: Instance, subject: Subject) -> None:
-    _stepping(one, subject)
-    one.do("fmi2Terminate")
-
-
-@pytest.mark.parametrize("spoil", [_initializing, _refused, _stepping, _terminated])
+@pytest.mark.parametrize("spoil", [_initializing, _refused, checks.stepping, checks.terminated])
 def test_reset_then_run_is_a_fresh_run(archive, subject, spoil):
-    with unzipped(archive) as folder:
-        library = Library(folder)
-        with Instance(library) as fresh:
-            blank = fresh.serialize(fresh.save())
-            expected = run(fresh, subject)
-        with Instance(library) as one:
-            spoil(one, subject)
-            one.do("fmi2Reset")
-            assert one.serialize(one.save()) == blank
-            assert run(one, subject) == expected
+    checks.reset_then_run_is_a_fresh_run(archive, subject, spoil)
 
 
 @pytest.mark.parametrize("cls", [Sampler, Oscillator])

@@ -4,8 +4,6 @@ Every case runs in a folder that holds earlier results; these must be as they we
 process of its own, the rest calls the same entry point in this one, which makes every warning an error.
 """
 
-import contextlib
-import io
 import os
 import re
 import signal
@@ -19,15 +17,13 @@ import pytest
 
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import suggestion
-from orchestration.cli import app as cli
 from orchestration.rig.emulator.emulator import EmulatedRig
-from tests.unit.cli.test_app import measure, ppy
-from tests.unit.fmu.test_instance import edited
+from tests.support.archive import edited
+from tests.support.command import here, measure, posix, ppy, refused
 
 HERE = host_platform()
 EARLIER = "the result of earlier work\n"
 RESULTS = ("out.csv", "out.json", "out.png")
-posix = pytest.mark.skipif(os.name == "nt", reason="signals and pipes as POSIX has them")
 
 
 @pytest.fixture
@@ -37,44 +33,6 @@ def folder(tmp_path):
     for name in RESULTS:
         (tmp_path / name).write_text(EARLIER, encoding="utf-8")
     return tmp_path
-
-
-def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run the command line in this process; answers as `ppy` does."""
-    command, before = ["ppy", *map(str, arguments)], (sys.argv, os.getcwd())
-    streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2)]
-    with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]):
-        try:
-            sys.argv = command
-            os.chdir(cwd)
-            cli.main()
-        except SystemExit as ended:
-            code = ended.code
-        finally:
-            sys.argv = before[0]
-            os.chdir(before[1])
-    texts = []
-    for stream in streams:
-        stream.flush()
-        texts.append(stream.buffer.getvalue().decode())
-    assert isinstance(code, int)
-    return subprocess.CompletedProcess(command, code, *texts)
-
-
-def refused(folder, *arguments, parts=(), environment=None):
-    """The command must fail as promised; returns its one line."""
-    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-    done = here(*arguments, cwd=folder) if environment is None else ppy(*arguments, cwd=folder, environment=environment)
-    assert done.returncode == 2, (done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    lines = done.stderr.splitlines()
-    errors = [line for line in lines if line.startswith("error: ")]
-    assert errors == lines[-1:], done.stderr
-    assert "internal error" not in errors[0]
-    for part in parts:
-        assert part in errors[0]
-    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
-    return errors[0]
 
 
 def spoil(folder, change):

@@ -1,8 +1,6 @@
 """Claims: `ppy demo` leaves everything it promises, and a real browser shows its report, on a desk and on a phone."""
 
 import re
-import shutil
-import subprocess
 import zipfile
 from pathlib import Path
 
@@ -15,17 +13,11 @@ from fmus import COMPONENTS
 from fmus.kit.build import RUNTIMES
 from orchestration.records import read_record
 from orchestration.rig.emulator.emulator import EmulatedRig
-from tests.unit.cli.test_app import ppy
+from tests.support.browser import browse, measured
+from tests.support.command import UNITS, ppy
 
-UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 PICTURES = ("fig_3_4.png", "fig_3_6.png", "compare.png", "diagnosis.png")
 README_PICTURE = Path(__file__).parents[2] / "docs" / "pictures" / "diagnosis.png"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-QUIET = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--enable-logging=stderr",
-    "--host-resolver-rules=MAP * ~NOTFOUND",  # whatever is asked of the network fails, and so shows
-)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -41,43 +33,6 @@ def done(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(done):
     return (done[0] / "report.html").read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    for name in BROWSERS:
-        if found := shutil.which(name):
-            return found
-    pytest.skip(f"no browser here: none of {', '.join(BROWSERS)} is installed")
-
-
-def browse(browser, folder, page, width, *options):
-    """Open a page in a fresh profile; returns the DOM if asked for, and what the page said on the console."""
-    profile = folder / f"profile-{width}-{len(options)}"
-    command = [browser, *QUIET, f"--user-data-dir={profile}", f"--window-size={width},1600", *options, page.as_uri()]
-    run = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=120)
-    assert run.returncode == 0, run.stderr
-    return run.stdout, [line for line in run.stderr.splitlines() if "CONSOLE" in line]
-
-
-def measured(browser, folder, contents, width):
-    """Width of the contents, width of the view, pictures shown; and what was said on the console.
-
-    The page stands in a frame, because a browser's window cannot be made as narrow as a phone.
-    """
-    probe = "<script>addEventListener('load', () => parent.postMessage([document.documentElement.scrollWidth, "
-    probe += "innerWidth, [...document.images].filter(i => i.naturalWidth > 0).length].join(' '), '*'))</script>"
-    assert contents.count("</body>") == 1
-    (folder / "probed.html").write_text(contents.replace("</body>", f"{probe}</body>"), encoding="utf-8")
-    frame = (
-        "<!DOCTYPE html><title>none</title><script>addEventListener('message', e => document.title = e.data)</script>"
-    )
-    frame += f'<iframe src="probed.html" style="border:0;width:{width}px;height:900px"></iframe>'
-    (folder / "frame.html").write_text(frame, encoding="utf-8")
-    dom, console = browse(browser, folder, folder / "frame.html", 1600, "--virtual-time-budget=5000", "--dump-dom")
-    title = re.search(r"<title>(\d+) (\d+) (\d+)</title>", dom)
-    assert title is not None, dom[:300]
-    return tuple(map(int, title.groups())), console
 
 
 def assert_drawn(path, least_size):

@@ -18,7 +18,7 @@ from scipy.signal import butter, filtfilt
 from orchestration.discrepancy.residuals.lines import lines
 from orchestration.discrepancy.selection.stepwise import MOST
 from orchestration.records import read_record
-from tests.unit.cli.test_app import works
+from tests.support.command import works
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib.image
 import pytest
 
-from tests.unit.cli.test_app import ppy
+from tests.support.command import ppy
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"

@@ -14,8 +14,8 @@ import pytest
 from fmus import component
 from orchestration.system import Connection, Member, Port, System, library, ssp
 from tests.support.hosts import NANOSECONDS, HostError, build_one_state_fmu, finish_in_subprocess
+from tests.support.system.archive import BINDINGS, INLINE, NAMESPACES, repacked
 from tests.support.system.hosts import member_of_archive, run_ecos_ssp, run_fmpy_ssp, run_libcosim_ssp, run_own_ssp
-from tests.unit.system.test_ssp import BINDINGS, INLINE, NAMESPACES, repacked
 
 MASTERS = {"ours": run_own_ssp, "fmpy": run_fmpy_ssp, "libcosim": run_libcosim_ssp, "Ecos": run_ecos_ssp}
 # inputs, steps, outputs that follow from the states, and outputs that answer at once to an input

@@ -1,11 +1,11 @@
-"""A real Chromium without a window, spoken to in its own DevTools protocol over a pipe; nothing else is needed."""
+"""A real Chromium without a window: started for one look, or spoken to in its own DevTools protocol over a pipe."""
 
 from __future__ import annotations
 
 import base64
-import fcntl
 import json
 import os
+import re
 import select
 import subprocess
 import time
@@ -17,9 +17,46 @@ from typing import Any
 _PATIENCE = 60.0  # seconds for one answer
 _FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--disable-component-update", "--disable-sync", "--hide-scrollbars",
+    "--host-resolver-rules=MAP * ~NOTFOUND",  # whatever is asked of the network fails, and so shows
 )  # fmt: skip
+
+
+def browse(browser, folder, page, width, *options):
+    """Open a page in a fresh profile; returns the DOM if asked for, and what the page said on the console."""
+    profile = folder / f"profile-{width}-{len(options)}"
+    command = [
+        browser,
+        *_FLAGS,
+        "--enable-logging=stderr",
+        f"--user-data-dir={profile}",
+        f"--window-size={width},1600",
+        *options,
+        page.as_uri(),
+    ]
+    run = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=120)
+    assert run.returncode == 0, run.stderr
+    return run.stdout, [line for line in run.stderr.splitlines() if "CONSOLE" in line]
+
+
+def measured(browser, folder, contents, width):
+    """Width of the contents, width of the view, pictures shown; and what was said on the console.
+
+    The page stands in a frame, because a browser's window cannot be made as narrow as a phone.
+    """
+    probe = "<script>addEventListener('load', () => parent.postMessage([document.documentElement.scrollWidth, "
+    probe += "innerWidth, [...document.images].filter(i => i.naturalWidth > 0).length].join(' '), '*'))</script>"
+    assert contents.count("</body>") == 1
+    (folder / "probed.html").write_text(contents.replace("</body>", f"{probe}</body>"), encoding="utf-8")
+    frame = (
+        "<!DOCTYPE html><title>none</title><script>addEventListener('message', e => document.title = e.data)</script>"
+    )
+    frame += f'<iframe src="probed.html" style="border:0;width:{width}px;height:900px"></iframe>'
+    (folder / "frame.html").write_text(frame, encoding="utf-8")
+    dom, console = browse(browser, folder, folder / "frame.html", 1600, "--virtual-time-budget=5000", "--dump-dom")
+    title = re.search(r"<title>(\d+) (\d+) (\d+)</title>", dom)
+    assert title is not None, dom[:300]
+    return tuple(map(int, title.groups())), console
 
 
 class Tab:
@@ -103,12 +140,23 @@ class Tab:
 @contextmanager
 def chromium(program: str, profile: Path) -> Iterator[Tab]:
     """Start a browser in a fresh profile, and end it afterwards."""
+    import fcntl  # which Windows does not have
+
     ours, theirs = os.pipe(), os.pipe()
     # away from 3 and 4, where the browser looks for its two ends
     read, write = (fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (ours[0], theirs[1]))
     for fd in (ours[0], theirs[1]):
         os.close(fd)
-    command = ["bash", "-c", f'exec "$@" 3<&{read} 4>&{write}', "bash", program, *_FLAGS, f"--user-data-dir={profile}"]
+    command = [
+        "bash",
+        "-c",
+        f'exec "$@" 3<&{read} 4>&{write}',
+        "bash",
+        program,
+        *_FLAGS,
+        "--remote-debugging-pipe",
+        f"--user-data-dir={profile}",
+    ]
     process = subprocess.Popen(command, pass_fds=(read, write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     os.close(read)
     os.close(write)

@@ -1,7 +1,6 @@
 """`ppy thesis` as a process: its table, its page in a real browser, and what it refuses."""
 
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,8 @@ import pytest
 from fmus.kit.errors import UserError
 from orchestration.thesis import chapters
 from orchestration.thesis.page import target
-from tests.end_to_end.test_demo import BROWSERS, measured
-from tests.unit.cli.test_app import ppy
+from tests.support.browser import measured
+from tests.support.command import ppy
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +63,7 @@ def test_the_page_needs_nothing_from_elsewhere(page):
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_a_browser_shows_it(done, page, width, tmp_path):
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        pytest.skip(f"no browser here: none of {', '.join(BROWSERS)} is installed")
+def test_a_browser_shows_it(browser, page, width, tmp_path):
     (wide, view, pictures), console = measured(browser, tmp_path, page, width)
     assert console == []
     assert wide <= view

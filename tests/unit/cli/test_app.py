@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,43 +11,12 @@ import pytest
 
 from fmus import COMPONENTS
 from fmus.kit.build.toolchain import host_platform
-from orchestration.experiment.waveforms import multilevel
-from orchestration.records import read_record, write_record
+from orchestration.records import read_record
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
+from tests.support.archive import edited
+from tests.support.command import PNG, UNITS, measure, ppy, works
 
-UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 COMMANDS = ("list", "info", "build", "check", "simulate", "run", "compare", "diagnose", "demo", "thesis")
-PNG = b"\x89PNG\r\n\x1a\n"
-
-
-def ppy(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command line in a process of its own, on no terminal."""
-    command = [sys.executable, "-m", "orchestration.cli", *map(str, arguments)]
-    return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, encoding="utf-8", stdin=subprocess.DEVNULL, timeout=240,
-        env={**os.environ, "COLUMNS": "100", **(environment or {})},
-    )  # fmt: skip
-
-
-def works(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> str:
-    """Run the command line and return what it prints; it must succeed."""
-    done = ppy(*arguments, cwd=cwd, environment=environment)
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    assert "\x1b" not in done.stdout + done.stderr  # no terminal codes in files
-    return done.stdout
-
-
-def measure(path: Path, rig: EmulatedRig, samples: int = 600, names: Sequence[str] = tuple(UNITS)) -> Path:
-    """Write a record of the emulated rig."""
-    time = 0.1 * np.arange(samples)
-    inputs = {
-        "current": multilevel(time, [-0.9, 0.0, 0.9], (2.0, 8.0), 1),
-        "force": multilevel(time, [0.5, 1.0, 2.75], (5.0, 12.0), 2),
-    }
-    signals = inputs | rig.run(time, **inputs)
-    write_record(path, time, {name: signals[name] for name in names}, UNITS)
-    return path
 
 
 @pytest.fixture
@@ -130,8 +98,6 @@ def test_build_runtime_builds_only_that(tmp_path):
 
 
 def test_check_tells_errors_by_its_exit_code(fmu, tmp_path):
-    from tests.unit.fmu.test_instance import edited
-
     spoilt = edited(
         fmu("ppy_actuator", "native"), tmp_path / "spoilt.fmu",
         lambda n, c: (n, c.replace(b"<InitialUnknowns>", b"<InitialUnknowns><Unknown index='9999'/>")),

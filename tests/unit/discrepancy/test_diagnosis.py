@@ -25,7 +25,7 @@ from orchestration.discrepancy.selection.search import Dataset
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.noise import ORDER, Noise, estimate, segments
 from orchestration.rig.emulator.records import draw, write
-from tests.unit.cli.test_app import ppy, works
+from tests.support.command import ppy, works
 
 EVERY = np.ones(4000, dtype=bool)
 FEW = [EFFECTS[name] for name in ("strain_saturation", "quadratic_strain", "strain_lag", "force_to_voltage")]

@@ -9,8 +9,7 @@ from orchestration import master
 from orchestration.fmu.model import find_model
 from orchestration.rig.emulator.emulator import EmulatedRig
 from orchestration.system import Member, Port, System, ssp
-from tests.end_to_end.test_bad_input import here, refused
-from tests.unit.cli.test_app import measure
+from tests.support.command import here, measure, refused
 
 FUSED = 'system = "dma_bench"\nmaster = {method = "fused"'
 GOOD = """

@@ -18,8 +18,7 @@ from orchestration.experiment import result_page, results
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.records import read_record, write_record
-from tests.end_to_end.test_bad_input import here, posix, refused
-from tests.unit.cli.test_app import PNG
+from tests.support.command import PNG, here, posix, refused
 
 TEXT = """
 title = "A record is played back"

@@ -7,7 +7,6 @@ import html
 import json
 import os
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,8 +40,8 @@ from orchestration.records import write_record
 from orchestration.reporting.page import Markup, Page, escaped
 from orchestration.reporting.plots import MOST, Boundary, Panel, Trace, broken, envelope, stacked
 from orchestration.rig.emulator.records import UNITS, draw
-from tests.end_to_end.test_demo import BROWSERS
-from tests.unit.cli.test_app import ppy
+from tests.support.browser import chromium
+from tests.support.command import ppy
 
 FEW = [EFFECTS[name] for name in ("strain_saturation", "quadratic_strain", "strain_lag", "force_to_voltage")]
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
@@ -377,11 +376,9 @@ def test_a_long_name_fits_above_its_panel():
 
 
 @pytest.fixture(scope="session")
-def tab(tmp_path_factory):
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None or os.name != "posix":
-        pytest.skip(f"no browser here: none of {', '.join(BROWSERS)} is installed")
-    from tests.support.browser import chromium
+def tab(browser, tmp_path_factory):
+    if os.name != "posix":
+        pytest.skip("the browser is spoken to over pipes as POSIX has them")
 
     with chromium(browser, tmp_path_factory.mktemp("profile")) as tab:
         yield tab

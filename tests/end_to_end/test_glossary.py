@@ -1,0 +1,39 @@
+"""Claims: every name that the glossary gives is one of the source, and every source that it cites is listed."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.support import source
+
+GLOSSARY = (source.ROOT / "docs" / "reference" / "glossary.md").read_text(encoding="utf-8")
+TERMS, SOURCES = GLOSSARY.split("## Sources")
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split(" | ")]
+    for line in TERMS.splitlines()
+    if line.startswith("| ") and not line.startswith("| term ")
+]
+NAMES = [name for row in ROWS for name in re.findall(r"`([^`]+)`", row[0])]
+
+
+def test_every_row_has_term_meaning_and_source() -> None:
+    assert len(ROWS) > 80
+    assert [row for row in ROWS if len(row) != 3 or not all(row)] == []
+    assert sorted({row[0] for row in ROWS}) == sorted(row[0] for row in ROWS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_name_is_one_of_the_source(name: str) -> None:
+    assert source.exists(name) if name.split(".")[0] in ("fmus", "orchestration") else name in source.everything()
+
+
+def test_every_source_is_listed() -> None:
+    """By the names of its authors, or of the standard."""
+    listed = SOURCES.split("\n* ")[1:]
+    for row in ROWS:
+        cited = re.sub(r", ch\. \d+|'s inequality", "", row[2])
+        for work in filter(lambda w: w not in ("Here", "Bonferroni"), cited.split("; ")):
+            words = re.findall(r"[A-Z][\w.-]+(?: [\d.]+)?", work.replace(" et al.", ""))
+            assert any(all(word in entry for word in words) for entry in listed), work
