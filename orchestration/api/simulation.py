@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from rich.table import Table
 
 from fmus.kit import Component
-from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import shown
 from orchestration.fmu.archive import read_description
@@ -170,5 +169,5 @@ def simulate(
 def as_model(model: Model | type[Component] | str) -> Model:
     """Return what a user may name, or has made, as a model to run."""
     if isinstance(model, type):
-        return model_of(build_cached(model, "native"), model.name, model)
+        return model_of(model)
     return find_model(model) if isinstance(model, str) else model

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit import units
+from fmus.kit.build.provenance import annotate
 from fmus.kit.build.xml import serialized
 from fmus.kit.component import Component
 from fmus.kit.declare import (
@@ -102,6 +103,7 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     stop, step = cls.experiment
     SubElement(root, "DefaultExperiment", startTime="0", stopTime=_number(stop), stepSize=_number(step),
                tolerance=_number(cls.tolerance))  # fmt: skip
+    annotate(root, cls)
     _variables(root, cls)
     _structure(root, cls.layout, graph)
     return serialized(root)
