@@ -172,15 +172,15 @@ class DiagnosisResult:
         """
         return picture.draw(self._result.diagnosis, self._result.model, None if path is None else Path(path))
 
-    def report(self, path: str | Path, command: Sequence[str] | None = None) -> Path:
+    def report(self, path: str | Path, command: str = "") -> Path:
         """Write the page to look at and pass on.
 
         Parameters
         ----------
         path : str or Path
             An ``.html`` file.
-        command : sequence of str, optional
-            What made it, for the page; default the command that does the same.
+        command : str
+            What made it, for the page; unless given, a command that does the same.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class DiagnosisResult:
         if target.suffix.lower() not in (".html", ".htm"):
             raise UserError(f"{target}: the name of a report ends in .html")
         same = ["ppy", "diagnose", str(self.record.source), "--model", self._result.model.name]
-        page(self._result, shlex.join(command or same)).write(target)
+        page(self._result, command or shlex.join(same)).write(target)
         return target
 
     def fmu(self, path: str | Path, platforms: Sequence[str] | None = None) -> list[Path]:

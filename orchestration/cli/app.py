@@ -235,9 +235,10 @@ def diagnose(
         screen_members.run(record, system, mapping or [], settings or [], result, others | {"--experiment": experiment})
         return
     wanted, held = ([name.strip() for name in (text or "").split(",") if name.strip()] for text in (effects, hold))
+    chosen = None if not wanted else [] if wanted == ["none"] else wanted
     files = screen_diagnose.Files(record, holdout, result, report, fmu, experiment)
     model = model or "ppy_actuator"
-    screen_diagnose.run(files, model, mapping or [], settings or [], wanted, ["ppy", *sys.argv[1:]], held, interpolate)
+    screen_diagnose.run(files, model, mapping or [], settings or [], chosen, ["ppy", *sys.argv[1:]], held, interpolate)
 
 
 @app.command()

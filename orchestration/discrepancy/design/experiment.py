@@ -1,8 +1,8 @@
 """The experiment that discriminates between alternatives: stimuli within a rig's limits, and the evidence to expect.
 
 Each input has a menu of shapes between its limits. From the broadest excitation on, the shape of one input after the
-other is exchanged for the one that raises the least evidence over all pairs of alternatives, either of them being true; the
-best few are then judged with the wrong model refitted for good.
+other is exchanged for the one that raises the least evidence over all pairs of alternatives, either of them
+being true; the best few are then judged with the wrong model refitted for good.
 """
 
 from __future__ import annotations
@@ -127,10 +127,11 @@ class DiscriminatingExperiment:
         lines += [f"effects = {_value([effect.id for effect in physics])}"] if physics else []
         lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
         lines += [f"record = {_value(list(self.model.fit.residual))}", "", "[parameters]"]
+        starts = self.model.candidate.cls.layout.start_parameters
         shown = {p.name for effect in self.model.candidate.effects if effect.output for p in effect.layout.parameters}
         lines += [
             f"{name} = {value!r}" for name, value in self.model.fit.values.items()
-            if name not in shown and not name.endswith("_start")
+            if name not in shown and name not in starts
         ]  # fmt: skip
         for name, stimulus in self.stimuli.items():
             lines += ["", f"[inputs.{name}]", f"kind = {_text(stimulus.kind)}"]

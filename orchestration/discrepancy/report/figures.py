@@ -136,8 +136,8 @@ def over_time(
 
 
 def of_residual(
-    unit: tuple[str, str], step: float, present: NDArray[np.bool_], noise: Noise, runs: Sequence[ShownModel], output: str,
-    lines: Sequence[float],
+    unit: tuple[str, str], step: float, present: NDArray[np.bool_], noise: Noise, runs: Sequence[ShownModel],
+    output: str, lines: Sequence[float],
 ) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
     """Spectra of residuals, and autocorrelations of what the noise leaves of them.
 

@@ -32,8 +32,7 @@ def summary(result: Result) -> dict[str, Any]:
             "residual_white_after": all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values()),
         },
         "notes": [
-            {"code": str(note.code), "subject": note.subject, "message": wording.message(note)}
-            for note in result.notes
+            {"code": str(note.code), "subject": note.subject, "message": wording.message(note)} for note in result.notes
         ],
         "residuals": {
             output: {

@@ -100,9 +100,8 @@ def operating_regions(
         ends = np.sqrt(rest * f.ppf([0.005, 0.995], *freedom))
         p = min(1.0, float(np.exp(surprise)))
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
-        ranked.append(
-            (surprise, OperatingRegion(output, signal.name, low, high, signal.unit, count, rms, band, float(np.sqrt(ratio)), p))
-        )  # fmt: skip
+        ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(ratio)), p
+        ranked.append((surprise, OperatingRegion(output, signal.name, *ends_and_size)))
     return [region for _, region in sorted(ranked, key=lambda pair: (pair[0], -pair[1].rms_ratio))]
 
 

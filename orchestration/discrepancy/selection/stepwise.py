@@ -1,4 +1,4 @@
-"""Forward selection: one effect after another while the evidence asks for more, and what cannot be told apart from it."""
+"""Forward selection: one effect after another while the evidence asks for more, with the alternatives to each."""
 
 from __future__ import annotations
 
