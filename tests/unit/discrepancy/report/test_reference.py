@@ -22,8 +22,8 @@ from orchestration.discrepancy.report.wording import sentence
 from orchestration.discrepancy.residuals.lines import LevelShift, SpectralLine
 from orchestration.discrepancy.selection.search import Dataset, Search
 from orchestration.rig.emulator.records import draw
-from tests.unit.cli.test_app import works
 from tests.support.system.closed_loop import watched
+from tests.unit.cli.test_app import works
 
 DOCS = Path(__file__).parents[4] / "docs"
 # whose keys are names of the model; every other key is a field
