@@ -8,17 +8,14 @@ from pathlib import Path
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.residuals.operating_regions import told
+from orchestration.discrepancy.report.system_json import as_json
+from orchestration.discrepancy.report.system_wording import sentence, why
+from orchestration.discrepancy.report.wording import most_telling
 from orchestration.discrepancy.systems.diagnose import diagnose_system
-from orchestration.discrepancy.systems.verdict import SystemDiagnosis
+from orchestration.discrepancy.systems.verdict import MemberDiagnosis, MemberVerdict, SystemDiagnosis
 from orchestration.reporting.console import out, plain_table, progress, tell_repairs
 
-_SENTENCES = {
-    "wrong": "The structure of {members} is wrong.",
-    "recalibrate": "The structure of all that could be judged is fine; parameters of {members} differ.",
-    "consistent": "All that could be judged is consistent with the record.",
-    "cannot be judged": "Nothing can be judged from this record.",
-}
+_REGIONS = 3  # that are printed of every output of a wrong member
 
 
 def run(
@@ -40,43 +37,47 @@ def run(
     if result is not None and any(p.exists() and result.exists() and result.samefile(p) for p in (record, system)):
         raise UserError(f"--json {result}: this is what is read; it will not be overwritten")
     with progress() as tell:
-        found = diagnose_system(record, system, mapping, settings, tell)
-    show(found, record.name)
+        diagnosis = diagnose_system(record, system, mapping, settings, tell)
+    show(diagnosis, record.name)
     if result is not None:
-        files.write(result, json.dumps(found.as_json(), indent=2, allow_nan=False).encode())
+        files.write(result, json.dumps(as_json(diagnosis), indent=2, allow_nan=False).encode())
         out.print(f"wrote {result}", markup=False)
 
 
-def show(found: SystemDiagnosis, record: str) -> None:
+def show(diagnosis: SystemDiagnosis, record: str) -> None:
     """Print which members are wrong, what each was judged by, and where the wrong ones fail.
 
     Parameters
     ----------
-    found : SystemDiagnosis
+    diagnosis : SystemDiagnosis
     record : str
         File of the record, for the hint what to run next.
     """
-    tell_repairs(found.record.repairs)
-    blamed = ", ".join(m.name for m in found.members if m.verdict == found.verdict)
-    out.print(_SENTENCES[found.verdict].format(members=blamed), style="bold", markup=False)
+    tell_repairs(diagnosis.record.repairs)
+    out.print(sentence(diagnosis), style="bold", markup=False)
     table = plain_table(None, "member", "verdict", "why")
-    for m in found.members:
-        table.add_row(m.name, m.verdict, m.why)
+    for member in diagnosis.members:
+        table.add_row(member.name, member.verdict, why(member))
     out.print(table)
     table = plain_table("outputs", "output", "fit", "RMS error", "noise", "in doubt", "explained by its signals")
-    for m in found.members:
-        for output, j in m.final.items():
-            before = m.before[output].fit_percent
-            fit = f"{before:.1f} % → {j.fit_percent:.1f} %" if m.after else f"{before:.1f} %"
-            sizes = (f"{size:.3g} {j.unit}" for size in (j.rms, j.noise, j.doubt))
-            share = f"{j.explained.rms:.3g} {j.unit}" if j.explained.significant else "nothing"
-            table.add_row(f"{m.name}.{output}", fit, *sizes, share)
+    for member in diagnosis.members:
+        for output in member.final:
+            table.add_row(f"{member.name}.{output}", *_figures(member, output))
     out.print(table)
-    for m in found.members:
-        if m.verdict == "wrong":
-            for j in m.final.values():
-                for line in told(j.regions)[:3]:
-                    out.print(f"{m.name}: {line}")
-        if m.verdict in ("wrong", "recalibrate") and m.ours:
-            columns = " ".join(f"--map {name}={signal}" for signal, name in m.signals.items())
-            out.print(f"to name the cause: ppy diagnose {record} --model {m.model} {columns}")
+    for member in diagnosis.members:
+        if member.verdict is MemberVerdict.WRONG:
+            for assessment in member.final.values():
+                for line in most_telling(assessment.regions)[:_REGIONS]:
+                    out.print(f"{member.name}: {line}")
+        if member.verdict in (MemberVerdict.WRONG, MemberVerdict.RECALIBRATE) and member.equations_known:
+            columns = " ".join(f"--map {name}={signal}" for signal, name in member.columns.items())
+            out.print(f"to name the cause: ppy diagnose {record} --model {member.model} {columns}")
+
+
+def _figures(member: MemberDiagnosis, output: str) -> list[str]:
+    """Fit, RMS error, noise, input uncertainty and what is explained of an output."""
+    before, final = member.before[output].fit_percent, member.final[output]
+    fit = f"{before:.1f} % → {final.fit_percent:.1f} %" if member.after else f"{before:.1f} %"
+    sizes = (f"{size:.3g} {final.unit}" for size in (final.rms, final.noise_std, final.input_uncertainty))
+    explained = f"{final.regression.rms:.3g} {final.unit}" if final.regression.significant else "nothing"
+    return [fit, *sizes, explained]
