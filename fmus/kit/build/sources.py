@@ -63,6 +63,15 @@ def unit(*names: str) -> bytes:
     """Make one translation unit of C files.
 
     The compiler sees through the calls between the parts, and a tool has one file to compile.
+
+    Parameters
+    ----------
+    *names : str
+        Files to include.
+
+    Returns
+    -------
+    bytes
     """
     return "".join(f'#include "{name}"\n' for name in names).encode()
 
