@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import struct
 from ctypes import byref
 
 import numpy as np
@@ -11,34 +10,11 @@ import pytest
 
 from fmus import COMPONENTS
 from tests.contract.models import Oscillator, Sampler
+from tests.contract.moves import go, schedule
 from tests.contract.raw import OK, Instance, Library, doubles, instance, integers, unzipped
 from tests.support import hosts
 
 STEPS = 60
-FOOT_LOADS = [f"{actuator}_tension" for actuator in ("an", "po", "do", "pl")] + ["toe_force_x", "toe_force_y"]
-
-
-def schedule(library: Library, seed: int, count: int) -> list[tuple[float, dict[str, float]]]:
-    """Random steps and inputs; steps from far below to far above the one that the FMU proposes."""
-    rng = np.random.default_rng(seed)
-    inputs = [n for n, causality in library.causality.items() if causality == "input"]
-    sizes = {"length_change": 1e-3, "speed": 30.0, "growth": 0.0} | dict.fromkeys(FOOT_LOADS, 0.02)
-    moves = []
-    for _ in range(count):
-        values = {n: float(sizes.get(n, 1.0) * rng.uniform(-1, 1)) for n in inputs}
-        values |= {n: float(abs(values[n]) > 0.2) for n in inputs if library.variables[n][1] == "Boolean"}
-        moves.append((float(library.step * 10 ** rng.uniform(-2, 1.3)), values))
-    return moves
-
-
-def go(one: Instance, moves) -> bytes:
-    """Make the steps; every bit of every variable at every point."""
-    trail = []
-    for size, values in moves:
-        one.set(values)
-        one.step(size)
-        trail += one.everything()
-    return struct.pack(f"{len(trail)}d", *trail)
 
 
 def continuation(one: Instance, state, time: float, moves) -> bytes:

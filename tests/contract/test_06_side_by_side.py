@@ -13,9 +13,9 @@ from fmus import COMPONENTS, component
 from fmus.kit import stack
 from fmus.kit.build import RUNTIMES
 from tests.contract.models import DoubledVoltage, Oscillator, Sampler
+from tests.contract.moves import go, schedule
 from tests.contract.raw import Instance, Library, instance, unzipped
 from tests.contract.subjects import actuators_only
-from tests.contract.test_05_state import go, schedule
 from tests.support import hosts
 
 STEPS = 80

@@ -10,9 +10,9 @@ from fmus import component
 from fmus.kit import stack
 from tests.contract import leaks
 from tests.contract.models import BrokenOutput, Oscillator, Sampler
+from tests.contract.moves import go, schedule
 from tests.contract.raw import ERROR, Instance, Library, instance, unzipped
 from tests.contract.subjects import ACTUATORS, Subject, actuators_only
-from tests.contract.test_05_state import go, schedule
 from tests.support import hosts
 
 STEPS = 60

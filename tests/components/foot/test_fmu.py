@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from tests.components.foot.test_model import ACTUATORS, JOINTS, lengths_at, toe_at
 from tests.contract.raw import instance
+from tests.support.foot_geometry import ACTUATORS, JOINTS, lengths_at, toe_at
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a loaded library cannot be removed")
 DECAY = 0.2 / (2 * 5e-4)

@@ -1,0 +1,32 @@
+"""The foot's geometry, an oracle of its own: table 5-1 typed in again; points are x + 1j y, the ankle at 0."""
+
+import math
+
+ACTUATORS, JOINTS = ("an", "po", "do", "pl"), ("ankle", "tm", "mtp")
+
+
+def turned(degrees: float) -> complex:
+    return complex(math.cos(math.radians(degrees)), math.sin(math.radians(degrees)))
+
+
+def toe_at(ankle: float, tm: float, mtp: float) -> complex:
+    turn, point = 1 + 0j, 0j
+    for link, beta, angle in ((50.8e-3, 49.0, ankle), (62.5e-3, 30.9, tm), (23.6e-3, 10.1, mtp)):
+        turn *= turned(beta) * complex(math.cos(angle), math.sin(angle))
+        point += link * turn
+    return point
+
+
+def lengths_at(ankle: float, mtp: float) -> list[float]:
+    heel, instep = 41.7e-3 * turned(-57.7), 18.0e-3 * turned(50.7)
+    calf, shin = heel - 93.2e-3 * turned(-12.9), instep - 97.5e-3 * turned(6.1)
+    toe = 23.1e-3 + 0j
+    dorsal = toe - 113.3e-3 * turned(-15.1)
+
+    def spin(angle):
+        return complex(math.cos(angle), math.sin(angle))
+
+    return [
+        abs(spin(ankle) * instep - shin), abs(spin(ankle) * heel - calf), abs(spin(mtp) * toe - dorsal),
+        139.2e-3 + 16.3e-3 * mtp,
+    ]  # fmt: skip
