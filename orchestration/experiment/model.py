@@ -123,7 +123,7 @@ def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Ex
 
 
 def _line(problem: Any) -> str:
-    """Tell a problem that pydantic has found: key, value, what is allowed."""
+    """Put a problem that pydantic reports into a line: key, value, what is allowed."""
     place = list(problem["loc"])
     if place[:1] == ["inputs"]:
         del place[2:3]  # the kind, by which pydantic distinguishes the tables
@@ -135,13 +135,13 @@ def _line(problem: Any) -> str:
     if kind == "union_tag_invalid":
         kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
         return f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
-    shown = "" if isinstance(given, dict) else f" = {given!r}"
+    value = "" if isinstance(given, dict) else f" = {given!r}"
     if kind == "value_error":
-        return f"{_key(place)}{shown}: {context['error']}".removeprefix(": ")
+        return f"{_key(place)}{value}: {context['error']}".removeprefix(": ")
     allowed = (
         problem["msg"].removeprefix("Input ").replace("valid dictionary", "table").replace(" after validation", "")
     )
-    return f"{_key(place)}{shown}: {allowed[0].lower()}{allowed[1:]}"
+    return f"{_key(place)}{value}: {allowed[0].lower()}{allowed[1:]}"
 
 
 def _key(place: list[Any]) -> str:

@@ -83,7 +83,7 @@ def prepare(experiment: Experiment, on: Subject, where: str, note: Callable[[str
     where : str
         Its file or name, for messages.
     note : callable
-        Told, in a line, what is worth knowing: repairs in a file, inputs that stay at their start value.
+        Called with a line for what is worth knowing: repairs in a file, inputs that stay at their start value.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def _points(experiment: Experiment, where: str) -> Array:
 
 
 def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, float]:
-    found = {}
+    values = {}
     for name, given in experiment.parameters.items():
         if name in on.fed:
             raise UserError(f"{where}: parameters.{name}: it is an input; {on.fed[name]}")
@@ -126,29 +126,29 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, floa
             raise UserError(f"{where}: {on.name} has no parameter named {name!r}{near}")
         signal = on.parameters[name]
         text = str(given).lower() if isinstance(given, bool) else str(given)
-        found[name] = read_setting(text, signal, f"{where}: parameters.{name} = {given}")
-    return found
+        values[name] = read_setting(text, signal, f"{where}: parameters.{name} = {given}")
+    return values
 
 
 def _inputs(
     experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
 ) -> dict[str, Array]:
-    found = {}
+    values = {}
     for name, stimulus in experiment.inputs.items():
         here = f"{where}: inputs.{name}"
         signal = known(name, on.inputs, f"{on.name} has no input", where)
         place = Place(name, signal.unit, _seed(experiment, name))
         try:
-            found[name] = stimulus.values(time, place)
+            values[name] = stimulus.values(time, place)
         except UserError as error:
             raise UserError(f"{here}: {error}") from error
-        _within(signal, found[name], here)
+        _within(signal, values[name], here)
         for line in place.notes:
             note(f"{here}: {line}")
     for name, signal in on.inputs.items():
-        if name not in found:
+        if name not in values:
             note(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")
-    return found
+    return values
 
 
 def _within(signal: Signal, values: Array, where: str) -> None:

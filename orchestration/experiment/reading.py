@@ -121,14 +121,14 @@ def _set(given: dict[str, Any], setting: str) -> None:
 
 def _place(key: str, given: dict[str, Any]) -> list[str]:
     """Split a key at those of its dots that part tables; names of variables have dots of their own."""
-    table, _, rest = key.partition(".")
+    table, _, inner = key.partition(".")
     if table not in Experiment.model_fields:
         return ["parameters", key]
-    name, _, last = rest.rpartition(".")
+    name, _, last = inner.rpartition(".")
     there = given.get(table)
     if name and ((isinstance(there, dict) and name in there) or last in _INNER.get(table, ())):
         return [table, name, last]
-    return [table, rest] if rest else [table]
+    return [table, inner] if inner else [table]
 
 
 def _value(text: str) -> Any:

@@ -37,11 +37,11 @@ def run(
     where : str
         Its file or name, for messages.
     progress : callable
-        Told how many points are done, and of how many.
+        Called with the number of points done, and of how many.
     note : callable
-        Told, in a line, what else is worth knowing: repairs in a file, inputs that stay at their start value.
+        Called with a line for what else is worth knowing: repairs in a file, inputs that stay at their start value.
     fits : callable
-        Shown, before anything is computed, a first point of the results without values; it may refuse them.
+        Called, before anything is computed, with a first point of the results without values; it may refuse them.
 
     Returns
     -------
