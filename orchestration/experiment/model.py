@@ -31,7 +31,7 @@ def _flat(given: Any) -> Any:
 Setting = Annotated[bool | int | float | str, PlainValidator(_setting)]
 
 
-class Noise(Table):
+class NoiseTable(Table):
     """What a measurement adds to a recorded output: white, or by `correlation` from one point to the next AR(1)."""
 
     rms: Amount
@@ -80,7 +80,7 @@ class Experiment(Table):
     parameters: Annotated[dict[str, Setting], BeforeValidator(_flat)] = {}
     inputs: dict[str, AnyStimulus] = {}
     record: list[str] | None = None
-    noise: dict[str, Noise] = {}
+    noise: dict[str, NoiseTable] = {}
     over: str = "time"
 
     @model_validator(mode="after")

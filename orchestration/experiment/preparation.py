@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import allowed, shown
-from orchestration.experiment.model import Experiment, Master, Noise
+from orchestration.experiment.model import Experiment, Master, NoiseTable
 from orchestration.experiment.stimulus import Place
 from orchestration.experiment.subject import Subject, known
 from orchestration.fmu import simulate
@@ -165,9 +165,9 @@ def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
 
 
 def _noise(
-    name: str, noise: Noise, record: list[str], experiment: Experiment, on: Subject, count: int, where: str
+    name: str, noise: NoiseTable, record: list[str], experiment: Experiment, on: Subject, count: int, where: str
 ) -> Array:
-    """Noise of a stationary process whose value is `correlation` times the last one plus something new."""
+    """NoiseTable of a stationary process whose value is `correlation` times the last one plus something new."""
     if name not in record:
         raise UserError(f"{where}: noise.{name}: noise is added to recorded outputs, and this is none")
     signal = on.outputs[name]

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.library import shipped
-from orchestration.experiment.model import Experiment, Noise, parse
+from orchestration.experiment.model import Experiment, NoiseTable, parse
 from orchestration.experiment.stimulus import KINDS
 
 if TYPE_CHECKING:
     import xarray
 
-_INNER = {"inputs": {key for kind in KINDS for key in kind.model_fields}, "noise": set(Noise.model_fields)}
+_INNER = {"inputs": {key for kind in KINDS for key in kind.model_fields}, "noise": set(NoiseTable.model_fields)}
 
 
 def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
