@@ -52,7 +52,7 @@ class Subject:
     guids : Mapping of str to str
         GUID of every FMU.
     couplings : list of Mechanical
-        Those whose imbalance can be told.
+        Those whose imbalance can be computed.
     run : callable
         Takes communication points, inputs, parameters, names of outputs and progress.
     """
@@ -83,12 +83,12 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
     with tempfile.TemporaryDirectory(prefix="ppy-system-") as folder:
         try:
             if experiment.component is not None:
-                found = _component(experiment, experiment.component)
+                made_on = _component(experiment, experiment.component)
             else:
-                found = _system(experiment, str(experiment.system), Path(folder))
+                made_on = _system(experiment, str(experiment.system), Path(folder))
         except UserError as error:
             raise UserError(f"{where}: {error}") from error
-        yield found
+        yield made_on
 
 
 def _component(experiment: Experiment, name: str) -> Subject:
