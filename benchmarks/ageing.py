@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from fmus import component
 from fmus.kit.build import build_cached
 from orchestration.fmu.instance import Fmu
+from orchestration.system.library import ageing_actuator
 from orchestration.thesis import ageing
 
 from .tables import Cell, Table, Topic
@@ -40,7 +41,7 @@ def measure(quick: bool = False) -> Topic:
 
 def _steps(opened: ExitStack, count: int) -> Callable[[], None]:
     """Return a function that steps the three FMUs from where they are."""
-    classes = (component("galvanostat"), ageing.actuator(), component("degradation_estimator"))
+    classes = (component("galvanostat"), ageing_actuator(), component("degradation_estimator"))
     fmus = [opened.enter_context(Fmu(build_cached(cls, "native"))) for cls in classes]
     for fmu in fmus:
         fmu.start()

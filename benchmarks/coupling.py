@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.master.reference.coupling_error import CouplingError, coupling_error
-from orchestration.system import library as shipped
+from orchestration.system import library
 
 from .tables import Cell, Table, Topic
 
@@ -40,7 +40,7 @@ WAYS: dict[str, dict[str, Any]] = {
 def measured(name: str, quick: bool = False, **options: Any) -> CouplingError:
     """Coupling error of a system that ships."""
     steps, stop, inputs, _ = SMOOTH[name]
-    return coupling_error(shipped.system(name), steps[: 2 if quick else None], stop, inputs, **options)
+    return coupling_error(library.system(name), steps[: 2 if quick else None], stop, inputs, **options)
 
 
 def measure(quick: bool = False) -> Topic:

@@ -12,7 +12,7 @@ import numpy as np
 from fmus import component, effects
 from orchestration.discrepancy.candidates.candidate import catalogue
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.selection.search import Data
+from orchestration.discrepancy.selection.search import Dataset
 from orchestration.experiment.waveforms import multilevel
 from orchestration.rig.emulator.bench import NOISE
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
@@ -56,7 +56,7 @@ def once(count: int) -> None:
     measured = rig.run(instants, current, force)
     cls = component("ppy_actuator")
     began = time.perf_counter()
-    data = Data(instants, {"current": current, "force": force}, measured)
+    data = Dataset(instants, {"current": current, "force": force}, measured)
     found = diagnose(cls, data, catalogue(cls, effects("ppy_actuator"), measured))
     seconds = time.perf_counter() - began
     print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, (found.causes or ["nothing"])[0])

@@ -18,7 +18,7 @@ from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
 from orchestration.fmu.instance import Fmu
 from orchestration.master.reference.fused import fuse
-from orchestration.system import library as shipped
+from orchestration.system import library
 from orchestration.system.model import Member, Port, System, connect
 from tests.support import hosts
 
@@ -42,7 +42,7 @@ Timed = Callable[[], float]
 def measure(quick: bool = False) -> Topic:
     """Time all masters on `dma_bench`, with and without a record, and ours on systems of growing size and length."""
     steps, rounds = (100, 2) if quick else (5000, 15)
-    shipped.system("dma_bench")  # built here, not in the measuring process
+    library.system("dma_bench")  # built here, not in the measuring process
     finished = hosts.finish_in_subprocess(compare, steps, rounds, clean_exit=False, timeout=600.0)
     if finished.result is None:
         raise RuntimeError(f"the measuring process ended with return code {finished.returncode}\n{finished.output}")
@@ -73,7 +73,7 @@ def measure(quick: bool = False) -> Topic:
 
 def compare(steps: int, rounds: int) -> dict[str, Times]:
     """Time the masters in turns; by whether they record."""
-    system, positions = shipped.system("dma_bench"), dict[str, float]()
+    system, positions = library.system("dma_bench"), dict[str, float]()
     with ExitStack() as opened:
         bare = {
             OURS: lambda: _ours(system, steps, positions, OURS, **_AS_OTHERS),

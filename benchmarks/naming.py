@@ -102,7 +102,7 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     from fmus.ppy_actuator.model import PpyActuator
     from orchestration.discrepancy.candidates.candidate import catalogue
     from orchestration.discrepancy.diagnosis import diagnose
-    from orchestration.discrepancy.selection.search import Data
+    from orchestration.discrepancy.selection.search import Dataset
     from orchestration.identify.metrics import normalised_rms
     from orchestration.records import read_record
     from orchestration.rig.emulator.bench import NOISE
@@ -118,9 +118,9 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     inputs = {n: v for n, v in record.signals.items() if n in ("current", "force")}
     measured = {n: v for n, v in record.signals.items() if n in NOISE}
     began = clock.perf_counter()
-    found = diagnose(PpyActuator, Data(record.time, inputs, measured), catalogue(PpyActuator, EFFECTS, measured))
+    found = diagnose(PpyActuator, Dataset(record.time, inputs, measured), catalogue(PpyActuator, EFFECTS, measured))
     took = clock.perf_counter() - began
-    first = found.unseen.first
+    first = found.validation.first
     best = {o: normalised_rms(y[first:], drawn.truth.outputs[o][first:]) for o, y in measured.items()}
     inside = {
         n: bool(e.interval[0] <= getattr(drawn.truth.parameters, n) <= e.interval[1])
@@ -132,9 +132,9 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
         "widths": [h.widths for h in drawn.truth.hidden],
         "verdict": found.verdict,
         "causes": found.causes,
-        "rivals": [[e.last for e in s.rivals] for s in found.selection.steps],
+        "rivals": [[e.effect_name for e in s.alternatives] for s in found.selection.steps],
         "gains": [s.gain for s in found.selection.steps],
-        "differing": found.differing,
+        "differing": found.changed,
         "ratio": max(error / best[o] for o, error in found.after.items()),
         "inside": inside,
         "seconds": took,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fmus import component
 from fmus.kit.record.compiled import CompiledModel, Trajectory
 from fmus.kit.symbolic.trace import trace
-from orchestration.experiment import waveforms as stimuli
+from orchestration.experiment import waveforms
 
 from . import c_code
 from .tables import Cell, Table, Topic
@@ -85,8 +85,8 @@ AGREEMENT = {BARE: 1e-12, SENSITIVE: 1e-9, MACHINE: 1e-9}
 
 def _record(n: int) -> tuple[Array, dict[str, Array]]:
     time: Array = _STEP * np.arange(n, dtype=float)
-    current = stimuli.square_wave(time, 0.6, 0.01)
-    return time, {"current": current, "force": stimuli.force_staircase(time, 200.0)}
+    current = waveforms.square_wave(time, 0.6, 0.01)
+    return time, {"current": current, "force": waveforms.force_staircase(time, 200.0)}
 
 
 def _simulation(model: CompiledModel, n: int) -> Callable[[], Trajectory]:

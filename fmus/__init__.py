@@ -33,11 +33,12 @@ def component(name: str) -> type[Component]:
     if name not in COMPONENTS:
         raise UserError(f"no component named {name!r}{suggestion(name, COMPONENTS)}")
     module, cls = COMPONENTS[name].split(":")
-    return getattr(importlib.import_module(f"{__name__}.{module}"), cls)
+    loaded: type[Component] = getattr(importlib.import_module(f"{__name__}.{module}"), cls)
+    return loaded
 
 
 def effects(name: str) -> dict[str, type[Effect]]:
-    """Known ways a component is wrong: ``EFFECTS`` of its package's module ``effects``, by id; empty without one.
+    """Effects that the laws of a component neglect, by id: ``EFFECTS`` of its package's module ``effects``, if any.
 
     Raises
     ------

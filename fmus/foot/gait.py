@@ -66,7 +66,7 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
     if not math.isfinite(length):
         raise UserError(f"length {length:g} m of actuator {actuator!r} is not a finite number")
     if actuator == "pl":
-        return (length / foot.scale - foot.l_pl) / foot.r_pl
+        return float((length / foot.scale - foot.l_pl) / foot.r_pl)
     reference, radius, angle, _ = getattr(foot, f"{actuator}_triangle")()
     reference, radius = foot.scale * reference, foot.scale * radius
     along, across = radius - reference * math.cos(angle), reference * math.sin(angle)

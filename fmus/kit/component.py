@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import Any, ClassVar
 from zlib import crc32
 
-from .declare import Declaration, Layout, Preset, arrange, check, take
+from .declare import Declaration, Preset
 from .errors import UserError, suggestion
+from .layout import Layout, arrange, check, extract
 
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
@@ -37,7 +38,8 @@ class Component:
     author, license : str
         For the FMU's description; left out where empty.
     remark : str
-        What was made of it beyond its class, one statement to a line, for the FMU's description and documentation.
+        How it differs from its class (effects, fitted values), for the FMU's description and documentation; one
+        statement to a line.
     tolerance : float
         Declared accuracy of the internal integration: local error per internal step, relative to
         ``nominal + |state|``.
@@ -60,11 +62,11 @@ class Component:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        cls.declared = take(cls)
-        found: dict[str, Declaration] = {}
+        cls.declared = extract(cls)
+        inherited: dict[str, Declaration] = {}
         for base in reversed(cls.__mro__):
-            found |= vars(base).get("declared", {})
-        cls.layout = arrange(found.values())
+            inherited |= vars(base).get("declared", {})
+        cls.layout = arrange(inherited.values())
         check(cls, cls.layout)
 
     def __init__(self, **values: Any) -> None:
@@ -81,8 +83,8 @@ class Component:
 
     def start(self) -> None:
         """Put every state at its start value."""
-        for state in (*self.layout.states, *self.layout.discretes):
-            setattr(self, state.name, getattr(self, f"{state.name}_start"))
+        for state, parameter in self.layout.start_of.items():
+            setattr(self, state, getattr(self, parameter))
 
     def laws(self, names: list[str]) -> list[Callable[[], Any]]:
         """Return the bound methods that the declarations name; an overriding effect is found by the MRO."""
@@ -98,7 +100,7 @@ class Component:
 
 
 class Effect(Component):
-    """A known way a component is wrong: a mixin that overrides one law through ``super()``.
+    """An unmodelled effect of known form: a mixin that overrides one law of a component through ``super()``.
 
     An effect of the physics overrides laws; an output is for effects of its measurement, which no law sees
     (:mod:`fmus.kit.sensors`).
@@ -126,7 +128,7 @@ def _label(effect: type[Effect]) -> str:
 
 
 def _joined(parts: list[str]) -> str:
-    """Join names into one; a long one ends in a number that tells it apart, because it becomes a file name."""
+    """Join names into one; a long one ends in a checksum of the whole, because it becomes a file name."""
     name = "_with_".join(parts)
     return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
 
@@ -139,7 +141,8 @@ def _owners(cls: type[Component]) -> dict[str, type]:
 def _redeclared(prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float]) -> dict[str, Any]:
     """Declare parameters anew with other defaults; the start value of a state is in the state's declaration."""
     holders: dict[str, Any] = {p.name: p for part in parts for p in part.layout.parameters}
-    holders |= {f"{s.name}_start": s for part in parts for s in (*part.layout.states, *part.layout.discretes)}
+    layouts = [part.layout for part in parts]
+    holders |= {layout.start_of[s.name]: s for layout in layouts for s in (*layout.states, *layout.discretes)}
     for name in defaults:
         if name not in holders:
             raise UserError(f"{prefix}: no parameter named {name!r}{suggestion(name, holders)}")

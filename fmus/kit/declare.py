@@ -1,4 +1,4 @@
-"""Declarations: what a component's variables are, said once.
+"""Declarations: what a component's variables are, stated once.
 
 A declaration is written as a class attribute; the value of the same name lives in the instance. Units are strings
 that pint understands and are SI throughout; ``display`` names the unit people prefer to read.
@@ -6,15 +6,13 @@ that pint understands and are SI throughout; ``display`` names the unit people p
 
 from __future__ import annotations
 
-import keyword
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
-
-from .errors import UserError
+from typing import Any, TypeVar
 
 Number = float | int | bool
+_D = TypeVar("_D", bound="Declaration")
 
 
 @dataclass(kw_only=True, eq=False)
@@ -56,17 +54,27 @@ class Declaration:
 
 
 @dataclass(kw_only=True, eq=False)
-class _Started(Declaration):
+class Started(Declaration):
+    """A variable with a value to begin with; of a parameter that is the default."""
+
     start: Number = 0.0
 
 
 @dataclass(kw_only=True, eq=False)
-class ParameterDeclaration(_Started):
-    """A value fixed before the simulation starts."""
+class ParameterDeclaration(Started):
+    """A value fixed before the simulation starts.
+
+    Attributes
+    ----------
+    starts : str or None
+        The state, continuous or discrete, whose start value it is; filled in where the layout is made.
+    """
+
+    starts: str | None = field(default=None, init=False)
 
 
 @dataclass(kw_only=True, eq=False)
-class InputDeclaration(_Started):
+class InputDeclaration(Started):
     """A value set from outside at communication points."""
 
 
@@ -78,7 +86,7 @@ class OutputDeclaration(Declaration):
 
 
 @dataclass(kw_only=True, eq=False)
-class StateDeclaration(_Started):
+class StateDeclaration(Started):
     """A continuous state."""
 
     rate: str
@@ -86,12 +94,24 @@ class StateDeclaration(_Started):
 
 
 @dataclass(kw_only=True, eq=False)
-class DiscreteDeclaration(_Started):
+class DiscreteDeclaration(Started):
     """A state that changes at sample instants only."""
 
     update: str
     period: str | float
     output: bool = False
+
+
+def named(declaration: _D, name: str) -> _D:
+    """Name a declaration outside a class body."""
+    declaration.name = name
+    return declaration
+
+
+def starting(parameter: ParameterDeclaration, state: str) -> ParameterDeclaration:
+    """Make a parameter the start value of a state, and name it after that."""
+    parameter.starts = state
+    return named(parameter, f"{state}_start")
 
 
 def Parameter(default: Number, unit: str, **about: Any) -> Any:
@@ -154,150 +174,3 @@ class Preset:
 
     values: Mapping[str, float]
     doc: str
-
-
-@dataclass(frozen=True)
-class Layout:
-    """The variables of a component in memory order; an index into :attr:`variables` is the FMI value reference."""
-
-    parameters: tuple[ParameterDeclaration, ...]
-    inputs: tuple[InputDeclaration, ...]
-    states: tuple[StateDeclaration, ...]
-    discretes: tuple[DiscreteDeclaration, ...]
-    outputs: tuple[OutputDeclaration, ...]
-
-    @property
-    def derivatives(self) -> list[tuple[str, str]]:
-        """Name ``der(s)`` and unit of every state's derivative, last in memory."""
-        return [(f"der({s.name})", f"{s.unit}/s") for s in self.states]
-
-    @property
-    def variables(self) -> tuple[Declaration, ...]:
-        """Every declared variable in memory order, without the derivatives."""
-        return (*self.parameters, *self.inputs, *self.states, *self.discretes, *self.outputs)
-
-    @property
-    def names(self) -> list[str]:
-        """Every name in memory order, derivatives included."""
-        return [v.name for v in self.variables] + [name for name, _ in self.derivatives]
-
-    @property
-    def sampled(self) -> list[tuple[str | float, tuple[DiscreteDeclaration, ...]]]:
-        """Discrete states grouped by sample period, in order of first appearance."""
-        groups: dict[str | float, list[DiscreteDeclaration]] = {}
-        for discrete in self.discretes:
-            groups.setdefault(discrete.period, []).append(discrete)
-        return [(period, tuple(members)) for period, members in groups.items()]
-
-    @property
-    def measurable(self) -> list[Declaration]:
-        """What a master can read as output: outputs, and the states declared ``output=True``."""
-        return [v for v in self.variables if isinstance(v, OutputDeclaration) or getattr(v, "output", False)]
-
-
-def take(owner: type) -> dict[str, Declaration]:
-    """Take the declarations out of a class body, leaving an output's law as an ordinary method.
-
-    CPython reads an instance attribute fast only where the class has none of that name.
-    """
-    found = {name: value for name, value in vars(owner).items() if isinstance(value, Declaration)}
-    for name, declaration in found.items():
-        if isinstance(declaration, OutputDeclaration):
-            setattr(owner, name, declaration.law)
-        else:
-            delattr(owner, name)
-    return found
-
-
-def check(owner: Any, layout: Layout) -> None:
-    """Check the variables of a class body, for what would otherwise show far from there.
-
-    Parameters
-    ----------
-    owner : type
-        The class; methods that its declarations name must be there unless it is abstract, without a ``name``.
-    layout : Layout
-
-    Raises
-    ------
-    UserError
-        Naming class and variable.
-    """
-    component = owner.__mro__[-2]
-
-    def refuse(variable: Declaration, reason: str) -> None:
-        raise UserError(f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}")
-
-    seen = set()
-    # parameters last, so that a mistake in a state is not told of its start parameter
-    for v in (*layout.inputs, *layout.states, *layout.discretes, *layout.outputs, *layout.parameters):
-        taken = component if isinstance(v, OutputDeclaration) else owner  # the law of an output has its name
-        if not _is_name(v.name) or v.name.startswith("_"):
-            refuse(v, "must be named by an ASCII identifier without an underscore in front")
-        if v.name in seen:
-            refuse(v, "is declared twice; every state brings its '_start' parameter")
-        if v.name in component.__annotations__ or hasattr(taken, v.name):
-            refuse(v, "has the name of something else in the class")
-        seen.add(v.name)
-        if not v.min < v.max:
-            refuse(v, f"has an empty range, {v.min:g} to {v.max:g} {v.unit}")
-        if not 0.0 < v.nominal < inf:
-            refuse(v, f"has the nominal value {v.nominal:g} {v.unit}; it must be positive")
-        if v.type not in ("real", "integer", "boolean") or (v.type != "real" and isinstance(v, StateDeclaration)):
-            refuse(v, f"is of type {v.type!r}; there are real, integer and boolean, and a continuous state is real")
-        if isinstance(v, _Started) and v.type == "integer" and v.start != int(v.start):
-            refuse(v, f"is an integer but starts at {v.start:g}")
-        if isinstance(v, _Started) and not v.min <= v.start <= v.max:
-            refuse(v, f"starts at {v.start:g} {v.unit}, outside its range, {v.min:g} to {v.max:g} {v.unit}")
-    if not owner.name:
-        return
-    if not _is_name(owner.name):
-        raise UserError(f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII identifier")
-    for kind, group in (("rate", layout.states), ("update", layout.discretes)):
-        for v in group:
-            law = getattr(v, kind)
-            if not callable(getattr(owner, law, None)):
-                refuse(v, f"has the {kind} {law!r}, which is no method of the class")
-    parameters = {p.name: p for p in layout.parameters}
-    for title, preset in owner.presets.items():
-        for name, value in preset.values.items():
-            if name not in parameters or not parameters[name].min <= value <= parameters[name].max:
-                raise UserError(f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter allows")
-    for d in layout.discretes:
-        known = d.period in parameters if isinstance(d.period, str) else 0.0 < d.period < inf
-        if not known:
-            refuse(d, f"has the period {d.period!r}, which is neither a parameter nor a positive number of seconds")
-
-
-def _is_name(text: str) -> bool:
-    """Whether it can be a name in Python, in C and in FMI's structured naming."""
-    return text.isascii() and text.isidentifier() and not keyword.iskeyword(text)
-
-
-def arrange(declarations: Iterable[Declaration]) -> Layout:
-    """Put declarations into memory order, adding the start parameter of every state.
-
-    Parameters
-    ----------
-    declarations : iterable of Declaration
-        In order of appearance, bases first.
-
-    Returns
-    -------
-    Layout
-    """
-    declared = list(declarations)
-
-    def of(kind: type) -> tuple[Any, ...]:
-        return tuple(v for v in declared if type(v) is kind)
-
-    starts = []
-    for state in (*of(StateDeclaration), *of(DiscreteDeclaration)):
-        start = ParameterDeclaration(
-            start=state.start, unit=state.unit, doc=f"value of {state.name} at the start", min=state.min, max=state.max,
-            nominal=state.nominal, display=state.display, type=state.type,
-        )  # fmt: skip
-        start.name = f"{state.name}_start"
-        starts.append(start)
-    parameters = (*of(ParameterDeclaration), *starts)
-    return Layout(parameters, *map(of, (InputDeclaration, StateDeclaration, DiscreteDeclaration, OutputDeclaration)))

@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 
 class UserError(ValueError):
-    """A mistake in what the user gave us, told in one readable line.
+    """A mistake in what the user gave us, described in one readable line.
 
-    The text names what is wrong, where (file, row, column or variable), which value was found and what is allowed.
+    The text names what is wrong, where (file, row, column or variable), which value it has and what is allowed.
     The command line prints it and exits with code 2; no traceback reaches the user.
     """
 
@@ -21,9 +21,9 @@ def suggestion(name: str, known: Collection[str], few: int = 20) -> str:
     name : str
         What was written.
     known : collection of str
-        What there is.
+        The names that exist.
     few : int
-        So many are listed where none is near.
+        Largest number of names that are listed where none is near.
 
     Returns
     -------

@@ -30,7 +30,7 @@ def write(path: Path, contents: bytes) -> None:
 
 
 def write_once(path: Path, contents: bytes) -> None:
-    """Write a file whose name tells its contents; if another process was faster, all is well.
+    """Write a file whose name identifies its contents; if another process was faster, all is well.
 
     Raises
     ------

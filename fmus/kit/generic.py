@@ -5,8 +5,8 @@ Each function here makes an effect for one law of a component, whatever its name
     EFFECTS = {e.id: e for e in (coulomb_friction(Stage, "friction", "velocity"), force_offset(Stage, "friction"))}
 
 Its parameters are named after that law, and at the neutral value the law gives the bits of the component below. The
-variables that an effect looks at (a velocity, a position, a load) are declared by the component, which gives their
-units; a law declares none, so its unit is said here.
+variables that an effect depends on (a velocity, a position, a load) are declared by the component, which gives their
+units; a law declares none, so its unit is an argument here.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def asymmetric_friction(
     """Viscous friction that differs in the two directions: ``d |v|`` more.
 
     That is ``d`` more damping forwards and ``d`` less backwards. *Dry* friction that differs is a mean one and a
-    constant: :func:`coulomb_friction` with :func:`force_offset`, which is not told apart from it while something moves.
+    constant: :func:`coulomb_friction` with :func:`force_offset`, indistinguishable from it while something moves.
     ``d = 0`` is the base model.
 
     Parameters
@@ -191,7 +191,7 @@ def extra_kelvin(
     load : str
         Variable that holds the load, or stress (F).
     ordinal : str
-        ``"second"``, ``"third"``, ... tells them apart; the effect's id is ``<ordinal>_kelvin``.
+        ``"second"``, ``"third"``, ... distinguishes them; the effect's id is ``<ordinal>_kelvin``.
     time : float
         Time constant from which a fit starts, in s.
     unit : str
@@ -237,7 +237,7 @@ def extra_kelvin(
 
 
 def _variable(component: type[Component], name: str) -> Declaration:
-    """Look up the declared variable that an effect looks at."""
+    """Look up the declared variable that an effect depends on."""
     known = {v.name: v for v in (*component.layout.inputs, *component.layout.states, *component.layout.discretes)}
     if name not in known:
         raise UserError(f"{_label(component)}: no input or state named {name!r}{suggestion(name, known)}")

@@ -16,8 +16,8 @@ from typing import Any
 from .component import Component
 from .errors import UserError
 
-SMALLEST_STEP = 1e-14
-MOST_STEPS = 1_000_000
+MIN_STEP = 1e-14
+MAX_STEPS = 1_000_000
 # Times this close are the same instant: hosts round, and late in a simulation more than a share of the period.
 SAME_INSTANT, ROUNDING = 1e-9, 1e-15  # relative to the period, and to the time
 
@@ -83,8 +83,10 @@ def _trial(cls: type[Component], batch: bool) -> Callable[..., float] | None:
         return None
     namespace: dict[str, Any] = {"inf": math.inf, "sqrt": math.sqrt}
     exec(_unrolled(names, batch), namespace)
-    # a trial step that overflows is rejected, no reason for NumPy to warn
-    return sys.modules["numpy"].errstate(all="ignore")(namespace["step"]) if batch else namespace["step"]
+    step: Callable[..., float] = namespace["step"]
+    if batch:  # a trial step that overflows is rejected, no reason for NumPy to warn
+        step = sys.modules["numpy"].errstate(all="ignore")(step)
+    return step
 
 
 class Integrator:
@@ -123,7 +125,7 @@ class Integrator:
         self.counters = [0.0] * len(self.groups)
         self.start_time = 0.0
         self.tolerance = component.tolerance
-        self._budget = MOST_STEPS
+        self._budget = MAX_STEPS
         cls: Any = type(component)
         self._step = _trial(cls, batch)
 
@@ -145,7 +147,7 @@ class Integrator:
         if not self.groups:
             self._integrate(time, time + step)
             return
-        end, self._budget = time + step, MOST_STEPS
+        end, self._budget = time + step, MAX_STEPS
         while time < end:
             target = end
             for index, group in enumerate(self.groups):
@@ -180,10 +182,10 @@ class Integrator:
             return 0
         component, tolerance, nominal, rates = self.component, self.tolerance, self.nominal, self.rates
         for used in range(self._budget):
-            left = target - time
-            h = self.hint if self.hint <= 0.999 * left else left
+            remaining = target - time
+            h = self.hint if self.hint <= 0.999 * remaining else remaining
             error = trial(component, time, h, tolerance, nominal, rates)
-            if error <= 1.0 and h == left and self.hint == math.inf:
+            if error <= 1.0 and h == remaining and self.hint == math.inf:
                 return used
             following = (
                 h * min(max(0.9 / math.sqrt(math.sqrt(error)), 0.2), 5.0)
@@ -193,10 +195,10 @@ class Integrator:
             if error <= 1.0:
                 time += h
                 # a step shortened to land on the target says nothing against a longer one
-                self.hint = max(self.hint, following) if h == left else following
-                if h == left:
+                self.hint = max(self.hint, following) if h == remaining else following
+                if h == remaining:
                     return used
-            elif h < SMALLEST_STEP * max(1.0, abs(time)):
+            elif h < MIN_STEP * max(1.0, abs(time)):
                 reason = f"accuracy {tolerance:g} cannot be reached" if error < math.inf else self._culprit()
                 raise UserError(f"{reason} at {time:.10g} s")
             else:
@@ -205,7 +207,7 @@ class Integrator:
 
     def _exhausted(self, time: float) -> UserError:
         return UserError(
-            f"more than {MOST_STEPS} internal steps in one communication step at {time:.10g} s: with these parameters "
+            f"more than {MAX_STEPS} internal steps in one communication step at {time:.10g} s: with these parameters "
             "a time constant is far too short for a step so long"
         )
 

@@ -1,4 +1,4 @@
-"""Effects of a measurement: what is shown of an output, not what happens.
+"""Measurement errors: effects on the measured value of an output, not on the physics.
 
 Each function here makes an effect for one real output of a component, to be laid over it by :func:`.stack`::
 
@@ -7,7 +7,7 @@ Each function here makes an effect for one real output of a component, to be lai
 Its ``id`` is the name of the function, its ``output`` the one it was made for, and its parameters are named after that.
 It overrides the output, which no law sees, so the physics stays as it is to the bit; at the neutral value the output
 does, too. Effects of one output are laid one over the other, the first one next to the physics.
-``docs/decisions/0007-measurement-effects.md`` says why they are made this way.
+``docs/decisions/0007-measurement-effects.md`` gives the reasons.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _ANY = 1e9  # bound of parameters that may have any value
 
 @dataclass(frozen=True)
 class _Quantity:
-    """The output that an effect is made for, and what is shown of it below the effect."""
+    """The output that an effect is made for, and the law that gives its value below the effect."""
 
     name: str
     unit: str
@@ -82,7 +82,7 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
 def sensor_lag(of: _Quantity) -> dict[str, Any]:
     """First-order lag of a sensor, in equilibrium at the start.
 
-    Shown is ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))`` and ``m`` = 10 ms: the first-order lag of
+    It reads ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))`` and ``m`` = 10 ms: the first-order lag of
     time ``T`` where that is several times ``m``, nothing at ``T = 0``, and late by ``T`` on a ramp everywhere. The
     state is the change of ``w`` since the start, when ``w = u``.
     """
@@ -121,10 +121,10 @@ def sensor_lag(of: _Quantity) -> dict[str, Any]:
 def transport_delay(of: _Quantity) -> dict[str, Any]:
     """Pure delay of up to 1.28 s.
 
-    The output is sampled every 20 ms into a shift register; shown is what a straight line between neighbouring samples
-    says of the time that lies the delay ago, the present value being the newest point. That is exact for a ramp, for a
-    smooth signal it errs by at most an eighth of the period squared times the second derivative, and a jump becomes a
-    slope over one period. Before the start the output had the value that it has at the start.
+    The output is sampled every 20 ms into a shift register and interpolated linearly at the time that lies the delay
+    ago, the present value being the newest point. That is exact for a ramp, for a smooth signal it errs by at most an
+    eighth of the period squared times the second derivative, and a jump becomes a slope over one period. Before the
+    start the output had the value that it has at the start.
     """
     delay = f"{of.name}_delay"
     latest, instant, started = (f"{delay}_{part}" for part in ("sample", "instant", "started"))
@@ -172,7 +172,7 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
 
 @_measurement
 def sensor_gain(of: _Quantity) -> dict[str, Any]:
-    """Scale error of a sensor: shown is ``g u``; ``g = 1`` is without."""
+    """Scale error of a sensor: it reads ``g u``; ``g = 1`` is without."""
     gain = f"{of.name}_gain"
     return {
         "neutral": gain,
@@ -184,7 +184,7 @@ def sensor_gain(of: _Quantity) -> dict[str, Any]:
 
 @_measurement
 def sensor_offset(of: _Quantity) -> dict[str, Any]:
-    """Bias of a sensor: shown is ``u + b``; ``b = 0`` is without."""
+    """Bias of a sensor: it reads ``u + b``; ``b = 0`` is without."""
     offset = f"{of.name}_offset"
     return {
         "neutral": offset,
@@ -196,7 +196,7 @@ def sensor_offset(of: _Quantity) -> dict[str, Any]:
 
 @_measurement
 def sensor_drift(of: _Quantity) -> dict[str, Any]:
-    """Bias of a sensor that grows steadily: shown is ``u + d t``, ``t`` being the time since the start."""
+    """Bias of a sensor that grows steadily: it reads ``u + d t``, ``t`` being the time since the start."""
     drift = f"{of.name}_drift"
     since = f"{drift}_time"
     return {

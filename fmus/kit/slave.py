@@ -27,7 +27,8 @@ def _transfer(*statements: str) -> Callable[[Component, Any], None]:
     """
     namespace: dict[str, Any] = {}
     exec("def transfer(m, y):\n    " + ("; ".join(statements) or "pass"), namespace)
-    return namespace["transfer"]
+    transfer: Callable[[Component, Any], None] = namespace["transfer"]
+    return transfer
 
 
 class Slave:
@@ -38,7 +39,7 @@ class Slave:
     cls : type[Component]
         The component.
     memory : memoryview
-        Doubles in the order of :class:`fmus.kit.declare.Layout`, then derivatives, then the internals
+        Doubles in the order of :class:`fmus.kit.layout.Layout`, then derivatives, then the internals
         ``hint, start time, tolerance, parameters changed`` and a counter for each sampled group
         (``fmi2/engine.h``).
     """

@@ -71,7 +71,7 @@ def base_unit(unit: str) -> BaseUnit:
     Raises
     ------
     UserError
-        If FMI cannot tell it: a fractional power, or a base unit outside SI.
+        If FMI cannot express it: a fractional power, or a base unit outside SI.
     """
     one, zero = (
         registry().Quantity(1.0, parse(unit)).to_base_units(),

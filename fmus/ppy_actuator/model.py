@@ -176,9 +176,9 @@ class PpyActuatorLengthDriven(Actuator):
     length_change = Input("m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length")
 
     def load(self) -> Any:
-        """What the instantaneous spring makes of the elongation left to it; slack instead of compression."""
-        left = self.length_change - self.charge_elongation(self.charge) - self.creep()
-        return maximum(self.spring_force(left), 0.0)
+        """What the instantaneous spring makes of the elongation that remains for it; slack instead of compression."""
+        elongation = self.length_change - self.charge_elongation(self.charge) - self.creep()
+        return maximum(self.spring_force(elongation), 0.0)
 
     @Output("N")
     def tension(self) -> Any:

@@ -219,10 +219,9 @@ def diagnose(
     ] = None,
 ) -> None:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen."""
-    from orchestration.cli import diagnose as screen_diagnose
-    from orchestration.cli import diagnose_system as screen_members
-
     if system is not None:
+        from orchestration.cli import diagnose_system as screen_members
+
         others = {
             "--model": model,
             "--effects": effects,
@@ -235,9 +234,12 @@ def diagnose(
         screen_members.run(record, system, mapping or [], settings or [], result, others | {"--experiment": experiment})
         return
     wanted, held = ([name.strip() for name in (text or "").split(",") if name.strip()] for text in (effects, hold))
+    chosen = None if not wanted else [] if wanted == ["none"] else wanted
+    from orchestration.cli import diagnose as screen_diagnose
+
     files = screen_diagnose.Files(record, holdout, result, report, fmu, experiment)
     model = model or "ppy_actuator"
-    screen_diagnose.run(files, model, mapping or [], settings or [], wanted, ["ppy", *sys.argv[1:]], held, interpolate)
+    screen_diagnose.run(files, model, mapping or [], settings or [], chosen, ["ppy", *sys.argv[1:]], held, interpolate)
 
 
 @app.command()

@@ -15,11 +15,8 @@ from fmus.kit import files, units
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.units import shown, shown_difference
-from orchestration.cli import diagnose as screen_diagnose
-from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.report import picture
-from orchestration.discrepancy.report.wording import sentence
-from orchestration.experiment import waveforms as stimuli
+from orchestration.api.diagnosis import DiagnosisResult, diagnose
+from orchestration.experiment import waveforms
 from orchestration.fmu import simulate
 from orchestration.fmu.model import Model, find_model
 from orchestration.identify import comparison as comparing
@@ -84,9 +81,10 @@ def run(out: Path) -> Path:
     for name, judged in after.before.items():
         print(f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % -> {judged.fit_percent:.1f} % fit")
     print(f"\nthe same rig, but its films stop growing around {_GROWN:g} C, and no model was told")
-    found = _diagnose(out, truth)
-    picture.draw(found, model, out / "diagnosis.png")
-    report = _report(out, runs, truth, first, before, after, found)
+    with screen.progress() as tell:
+        diagnosed = _diagnose(out, truth, tell)
+    print(diagnosed)
+    report = _report(out, runs, truth, first, before, after, diagnosed)
     print(f"report: {report}")
     return report
 
@@ -106,12 +104,12 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
     short = simulate.grid(0.0, 60.0, _STEP)
     long = simulate.grid(0.0, 500.0, _STEP)
     cases = [
-        ("fig_3_4", "Thesis fig. 3-4: ±0.9 A at 0.2 Hz", short, {"current": stimuli.square_wave(short, 0.9, 0.2)}),
+        ("fig_3_4", "Thesis fig. 3-4: ±0.9 A at 0.2 Hz", short, {"current": waveforms.square_wave(short, 0.9, 0.2)}),
         (
             "fig_3_6",
             "Thesis fig. 3-6: loads from 0.5 N to 2.75 N",
             long,
-            {"force": stimuli.force_staircase(long, period=50.0)},
+            {"force": waveforms.force_staircase(long, period=50.0)},
         ),
     ]
     runs = []
@@ -129,13 +127,15 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
     return runs
 
 
-def _diagnose(out: Path, truth: RigParameters) -> Diagnosis:
-    """Hide an effect in a record and let ``ppy diagnose`` find it."""
+def _diagnose(out: Path, truth: RigParameters, tell: Callable[[str], None]) -> DiagnosisResult:
+    """Hide an effect in a record and let a diagnosis find it."""
     hidden = partial(SaturatingStrain, saturation=1.0 / _GROWN)
     record = _measure(out / "hidden.csv", truth, _SEED_HIDDEN, hidden)
-    files = screen_diagnose.Files(record, report=out / "diagnosis.html")
-    command = ["ppy", "diagnose", record.name, "--report", "diagnosis.html"]
-    return screen_diagnose.run(files, _MODEL, [], [], [], command)
+    result = diagnose(record, _MODEL, progress=tell)
+    tell("drawing the report")
+    result.report(out / "diagnosis.html", f"ppy diagnose {record.name} --report diagnosis.html")
+    result.plot(out / "diagnosis.png")
+    return result
 
 
 def _measure(
@@ -143,8 +143,8 @@ def _measure(
 ) -> Path:
     """Let the emulated rig run for ten minutes at 10 Hz and write what its instruments show."""
     time = simulate.grid(0.0, 600.0, _STEP)
-    current = stimuli.multilevel(time, [-0.9, -0.45, 0.0, 0.45, 0.9], (2.0, 8.0), seed)
-    force = stimuli.multilevel(time, [0.5, 1.0, 1.75, 2.75], (15.0, 45.0), seed + 100)
+    current = waveforms.multilevel(time, [-0.9, -0.45, 0.0, 0.45, 0.9], (2.0, 8.0), seed)
+    force = waveforms.multilevel(time, [0.5, 1.0, 1.75, 2.75], (15.0, 45.0), seed + 100)
     inputs = {"current": current, "force": force}
     write_record(path, time, inputs | EmulatedRig(truth, seed=seed, hidden=hidden).run(time, **inputs), _UNITS)
     return path
@@ -157,19 +157,19 @@ def _report(
     first: comparing.Comparison,
     before: comparing.Comparison,
     after: comparing.Comparison,
-    found: Diagnosis,
+    diagnosed: DiagnosisResult,
 ) -> Path:
     gains = ", ".join(
         f"{name} from {before.before[name].fit_percent:.1f} % to {judged.fit_percent:.1f} %"
         for name, judged in after.before.items()
     )
     errors = ", ".join(
-        f"{name} from {100.0 * error:.1f} % to {100.0 * found.after[name]:.1f} %"
-        for name, error in found.before.items()
+        f"{name} from {100.0 * error:.1f} % to {100.0 * diagnosed.gain.after[name]:.1f} %"
+        for name, error in diagnosed.gain.before.items()
     )
     page = Page(
         "What a diagnosis and a recalibration gain",
-        f"An effect was hidden. {sentence(found)} With it, the error on data that no fit has seen goes: {errors}.",
+        f"An effect was hidden. {diagnosed.sentence} With it, the error on data that no fit has seen goes: {errors}.",
     )
     page.heading("A cause found")
     page.text(

@@ -37,7 +37,7 @@ def run(
     complete, reproduced : bool
         Whether it came to its end; and, where a result is made again, whether every bit is the same.
     """
-    from orchestration.experiment import results
+    from orchestration.experiment import result_page, results
     from orchestration.experiment.reading import files, movable, read
     from orchestration.experiment.run import run as make
 
@@ -60,7 +60,7 @@ def run(
         results.write(movable(found, result.parent), result)
         out.print(f"wrote {result}" + ("" if found.attrs["complete"] else " (incomplete)"), markup=False)
     if picture is not None:
-        results.plot(found, picture)
+        result_page.plot(found, picture)
         out.print(f"wrote {picture}", markup=False)
     return bool(found.attrs["complete"]), earlier is None or _same(found, earlier, name)
 
@@ -82,14 +82,14 @@ def _check_targets(sources: Mapping[str, Path], result: Path | None, picture: Pa
 
 
 def _show(found: xarray.Dataset) -> None:
-    from orchestration.experiment import results
+    from orchestration.experiment import result_page
 
     table = Table(box=None, pad_edge=False)
     for column in ("signal", "smallest", "largest", "last"):
         table.add_column(column, justify="left" if column == "signal" else "right")
-    for row in results.extremes(found):
+    for row in result_page.extremes(found):
         table.add_row(*row)
-    out.print(results.state(found), markup=False)
+    out.print(result_page.state(found), markup=False)
     out.print(table)
 
 

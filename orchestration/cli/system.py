@@ -19,29 +19,28 @@ from orchestration.system.ssp.vocabulary import ENDINGS
 @contextmanager
 def opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
     """Give a system that ships, or one from a file; the FMUs of an archive are there only for as long."""
-    from orchestration.system import library as shipped
-    from orchestration.system import ssp
+    from orchestration.system import library, ssp
 
     path = Path(name_or_file)
     if path.suffix.lower() in ENDINGS or path.exists():
         if path.suffix.lower() not in ENDINGS:
-            raise UserError(f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of {', '.join(shipped.NAMES)}")
+            raise UserError(f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of {', '.join(library.NAMES)}")
         with tempfile.TemporaryDirectory(prefix="ppy-ssp-", ignore_cleanup_errors=True) as folder:
             yield ssp.read(path, Path(folder))
         return
     with progress() as tell:
-        if name_or_file in shipped.NAMES:
+        if name_or_file in library.NAMES:
             tell(f"building the members of {name_or_file} ({runtime}) unless they are there")
-        system = shipped.system(name_or_file, runtime)
+        system = library.system(name_or_file, runtime)
     yield system
 
 
 def catalogue() -> None:
     """List the systems that ship."""
-    from orchestration.system import library as shipped
+    from orchestration.system import library
 
-    width = max(map(len, shipped.NAMES))
-    for name, summary in shipped.SUMMARIES.items():
+    width = max(map(len, library.NAMES))
+    for name, summary in library.SUMMARIES.items():
         print(f"{name:{width}}  {summary.rstrip('.')}")
 
 

@@ -1,4 +1,4 @@
-"""The model that a diagnosis ends with, as an FMU of its own, and what it gains on data that no fit has seen."""
+"""The model that a diagnosis ends with, as an FMU of its own, and what it gains on the validation data."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.errors import UserError
 from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.data.holdout import ValidationData
+from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
+from orchestration.discrepancy.validation.prediction import parameters_on
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from orchestration.identify.metrics import Whiteness, whiteness
 
 Array = NDArray[np.float64]
@@ -35,7 +38,7 @@ class Gain:
     whiteness : dict of str to Whiteness or None
         Of the innovations after, by output; None where too little was measured to tell.
     base, extended : dict of str to ndarray, shape (n,)
-        Simulated outputs over all of ``unseen.data``, SI.
+        Simulated outputs over all of ``validation.data``, SI.
     """
 
     before: dict[str, float]
@@ -45,14 +48,14 @@ class Gain:
     extended: dict[str, Array]
 
 
-def extended(found: Diagnosis, record: str) -> type[Component]:
+def extended(diagnosis: Diagnosis, record: str) -> type[Component]:
     """Return the best model of a diagnosis as a component whose defaults, start values too, are what was fitted.
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : Diagnosis
     record : str
-        The file that was fitted to; only its name is told.
+        The file that was fitted to; only its name is used.
 
     Returns
     -------
@@ -62,15 +65,15 @@ def extended(found: Diagnosis, record: str) -> type[Component]:
     Raises
     ------
     UserError
-        If the record does not move any input, so that nothing was found.
+        If the record does not move any input, so that nothing was diagnosis.
     """
-    if found.verdict == "ambiguous" and not found.selection.steps:
-        raise UserError(f"{record}: {'; '.join(found.notes)}; there is nothing to make an FMU of")
-    best = found.final
-    cls, values = best.candidate.cls, best.problem.start | best.fitted.values
+    if diagnosis.inconclusive:
+        raise UserError(f"{record}: no input moves, so that there is nothing to make an FMU of")
+    best = diagnosis.final
+    cls, values = best.candidate.cls, best.problem.start | best.fit.values
     defaults = {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters if values[p.name] != p.start}
     made = stack(cls, name=f"{cls.name}_fitted", defaults=defaults)
-    made.remark = "\n".join(_remarks(found, record, defaults))
+    made.remark = "\n".join(_remarks(diagnosis, record, defaults))
     return made
 
 
@@ -79,27 +82,27 @@ def _allowed(value: float, declared: ParameterDeclaration) -> float:
     return min(max(float(value), declared.min), declared.max)
 
 
-def _remarks(found: Diagnosis, record: str, defaults: Mapping[str, float]) -> list[str]:
+def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -> list[str]:
     """Tell in plain words what a model is made of: one statement to a line."""
-    best, base = found.selection.best.candidate, found.selection.base.candidate.cls.name
-    told = [f"Fitted to {Path(record).name.encode(errors='backslashreplace').decode()}"]
-    told += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
+    best, base = diagnosis.selection.best.candidate, diagnosis.selection.base.candidate.cls.name
+    remarks = [f"Fitted to {Path(record).name.encode(errors='backslashreplace').decode()}"]
+    remarks += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
     if not best.effects:
-        told.append(f"Nothing was added to {base}: only its parameters were fitted")
-    rivals = [e.last for step in found.selection.steps for e in step.rivals]
-    if rivals:
-        told.append(f"On this record it cannot be told apart from {', '.join(rivals)}")
-    if found.verdict == "unexplained":
-        told.append("It does not account for all that the record shows")
+        remarks.append(f"Nothing was added to {base}: only its parameters were fitted")
+    alternatives = [e.effect_name for step in diagnosis.selection.steps for e in step.alternatives]
+    if alternatives:
+        remarks.append(f"On this record it cannot be remarks apart from {', '.join(alternatives)}")
+    if diagnosis.verdict is Verdict.UNEXPLAINED:
+        remarks.append("It does not account for all that the record shows")
     for p in best.cls.layout.parameters:
-        if p.name in found.estimates:
-            low, high = found.estimates[p.name].interval
+        if p.name in diagnosis.estimates:
+            low, high = diagnosis.estimates[p.name].interval
             known = isfinite(low) and isfinite(high)
             ends = f"95 % interval {shown(low, p)} … {shown(high, p)}" if known else "not determined by the record"
-            told.append(f"{p.name} = {shown(defaults.get(p.name, p.start), p)} ({ends})")
+            remarks.append(f"{p.name} = {shown(defaults.get(p.name, p.start), p)} ({ends})")
         elif p.name in defaults:
-            told.append(f"{p.name} = {shown(defaults[p.name], p)} (given, not fitted)")
-    return told
+            remarks.append(f"{p.name} = {shown(defaults[p.name], p)} (given, not fitted)")
+    return remarks
 
 
 def _meaning(effect: type[Effect]) -> str:
@@ -180,14 +183,14 @@ def export(
     return list(places.values())
 
 
-def measured_gain(found: Diagnosis, fmu: Path, runtime: str = "native") -> Gain:
+def measured_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> Gain:
     """Run the extended model's FMU, and that of the refitted base, over the data held out.
 
     Both run with what was fitted to the other data: the defaults of the extended model's FMU have seen all of them.
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : Diagnosis
     fmu : Path
         What :func:`export` wrote.
     runtime : {"native", "python"}
@@ -202,29 +205,31 @@ def measured_gain(found: Diagnosis, fmu: Path, runtime: str = "native") -> Gain:
     UserError
         If an FMU cannot be run over the data.
     """
-    unseen, best, base = found.unseen, found.selection.best, found.selection.base
-    set_before = _settable(base.candidate.cls, unseen.values(base))
-    set_after = _settable(best.candidate.cls, unseen.values(best))
-    before = _run(build_cached(base.candidate.cls, runtime), set_before, found)
-    after = _run(fmu, set_after, found)
+    validation, best, base = diagnosis.validation, diagnosis.selection.best, diagnosis.selection.base
+    set_before = _settable(base.candidate.cls, parameters_on(validation, base))
+    set_after = _settable(best.candidate.cls, parameters_on(validation, best))
+    before = _run(build_cached(base.candidate.cls, runtime), set_before, validation)
+    after = _run(fmu, set_after, validation)
     white = {}
-    for output, noise in best.fitted.noise.items():
-        if output in unseen.data.measured:
-            measured = unseen.data.measured[output]
+    for output, noise in best.fit.noise.items():
+        if output in validation.data.measured:
+            measured = validation.data.measured[output]
             present = np.isfinite(measured)
-            present[: unseen.first] = False
-            innovation = noise.whiten((after[output] - measured)[present], present)
+            present[: validation.first] = False
+            innovation = noise.whiten((measured - after[output])[present], present)
             white[output] = whiteness(innovation) if len(innovation) >= _SHORTEST else None
-    return Gain(unseen.errors(before), unseen.errors(after), white, before, after)
+    return Gain(validation.nrmse(before), validation.nrmse(after), white, before, after)
 
 
 def _settable(cls: type[Component], values: Mapping[str, float]) -> dict[str, float]:
     return {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters}
 
 
-def _run(path: Path, values: Mapping[str, float], found: Diagnosis) -> dict[str, Array]:
+def _run(path: Path, values: Mapping[str, float], validation: ValidationData) -> dict[str, Array]:
     """Simulate the data held out, from their first sample on."""
-    data = found.unseen.data
+    data = validation.data
     with Fmu(path, values) as fmu:
         fmu.start(float(data.time[0]))
-        return fmu.run(data.time, data.inputs, list(data.measured), linear=data.linear)
+        return simulate_instance(
+            fmu, data.time, data.inputs, list(data.measured), linear=data.inputs if data.linear else ()
+        )

@@ -11,23 +11,19 @@ import json
 import tempfile
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from fmus.kit import files, units
+from fmus.kit import files
 from fmus.kit.errors import UserError
 from orchestration.fmu.signal import Signal
 from orchestration.records import write_record
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Array = NDArray[np.float64]
 FORMATS = (".nc", ".csv", ".parquet")
-_MOST_PANELS = 16  # more in one picture are not looked at
 _ABOUT = b"ppy_rig"  # key of the metadata in a Parquet file
 
 
@@ -181,109 +177,3 @@ def differences(new: xarray.Dataset, old: xarray.Dataset) -> dict[str, float]:
         if one.tobytes() != other.tobytes():
             found[str(name)] = float(np.max(np.abs(one - other)))
     return found
-
-
-# --- pictures and the page --------------------------------------------------------------------------------------------
-
-
-def state(data: xarray.Dataset) -> str:
-    """Say in a sentence what was run and whether it came to its end."""
-    last, whole = float(data.time[-1]), float(data.attrs["duration"])
-    reached = f"{whole:g} s" if data.attrs["complete"] else f"incomplete, {last:g} s of {whole:g} s"
-    return f"{data.attrs['subject']}: {data.time.size} points, {reached}"
-
-
-def figure(data: xarray.Dataset) -> Figure:
-    """Draw every signal over time, or over the signal that the experiment names, in display units."""
-    from orchestration.reporting import pictures
-
-    over = data.attrs["over"]
-    names = [name for name in data if name != over][:_MOST_PANELS]
-    title = data.attrs["title"] + ("" if data.attrs["complete"] else " (incomplete)")
-    drawn, panels = pictures.panels(max(1, len(names)), title)
-    across, unit = _displayed(data, over)
-    for panel, name in zip(panels, names, strict=False):
-        held = data[name].role == "input" and over == "time"
-        values, own = _displayed(data, str(name))
-        panel.plot(across, values, color=pictures.MODEL, drawstyle="steps-post" if held else "default")
-        pictures.label(panel, str(name), own)
-    panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
-    return drawn
-
-
-def _displayed(data: xarray.Dataset, name: str) -> tuple[Array, str]:
-    array = data[name]
-    unit = array.attrs.get("display_units", array.units)
-    return units.convert(array.values, array.units, unit), unit
-
-
-def plot(data: xarray.Dataset, path: Path) -> None:
-    """Write a picture, or a page with one if the name ends in ``.html``.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written, or the ending is no picture format.
-    """
-    from orchestration.reporting import pictures
-
-    if path.suffix.lower() == ".html":
-        page(data, path)
-    else:
-        pictures.save(figure(data), path)
-
-
-def extremes(data: xarray.Dataset) -> list[tuple[str, ...]]:
-    """Name, smallest, largest and last value of every signal, as people read them."""
-    rows = []
-    for name in data:
-        values, unit = _displayed(data, str(name))
-        texts = (f"{x:.6g}" + ("" if unit == "1" else f" {unit}") for x in (values.min(), values.max(), values[-1]))
-        rows.append((str(name), *texts))
-    return rows
-
-
-def page(data: xarray.Dataset, path: Path) -> None:
-    """Write one page: what was run, how, the picture, the figures.
-
-    Raises
-    ------
-    UserError
-        If it cannot be written.
-    """
-    from orchestration.reporting import pictures
-    from orchestration.reporting.page import Page
-
-    about = data.attrs
-    made = Page(about["title"], state(data))
-    if about["source"]:
-        made.text(about["source"])
-    with tempfile.TemporaryDirectory(prefix="ppy-page-") as folder:
-        picture = Path(folder) / "signals.png"
-        pictures.save(figure(data), picture)
-        shown = min(len(data), _MOST_PANELS)
-        more = f" (the first {shown} of {len(data)})" if shown < len(data) else ""
-        made.picture(picture, f"inputs and recorded outputs{more}")
-    made.heading("Signals")
-    meanings = {str(name): array.long_name for name, array in data.items()}
-    made.table(
-        ("signal", "smallest", "largest", "last", "meaning"),
-        [(*row, meanings[row[0]]) for row in extremes(data)],
-    )  # fmt: skip
-    made.heading("Parameters that were set")
-    parameters = json.loads(about["parameters"])
-    if parameters:
-        made.table(("parameter", "value"), [(name, value) for name, value in parameters.items()])
-    else:
-        made.text("None: every parameter has its default.")
-    made.heading("How")
-    master = json.loads(about["experiment"]).get("master", {})
-    made.items([
-        f"step {about['step']:g} s, {about['runtime']} build, seed {about['seed']}",
-        *(f"{key}: {value}" for key, value in master.items()),
-        f"{about['wall_time']:.3g} s of computing, {about['created']}, {about['versions']}",
-        *(f"{name}: {guid}" for name, guid in json.loads(about["guids"]).items()),
-    ])  # fmt: skip
-    made.heading("The experiment")
-    made.code(json.dumps(json.loads(about["experiment"]), indent=2, ensure_ascii=False).splitlines())
-    made.write(path)

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 from fmus.foot import gait
 from fmus.kit import units
 from fmus.kit.errors import UserError
-from orchestration.experiment import waveforms as stimuli
+from orchestration.experiment import waveforms
 from orchestration.experiment.values import Amount, File, Hertz, Quantity, Seconds, Span, Table
 from orchestration.fmu.simulate import held
 from orchestration.records import read_record
@@ -121,7 +121,7 @@ class Square(_Wave):
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_frequency("frequency", self.frequency, time)
         amplitude, offset = self._about(place)
-        return stimuli.square_wave(time - self.delay, amplitude, self.frequency, offset)
+        return waveforms.square_wave(time - self.delay, amplitude, self.frequency, offset)
 
 
 class Sine(_Wave):
@@ -133,7 +133,7 @@ class Sine(_Wave):
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_frequency("frequency", self.frequency, time)
         amplitude, offset = self._about(place)
-        return stimuli.sine(time, amplitude, self.frequency, offset)
+        return waveforms.sine(time, amplitude, self.frequency, offset)
 
 
 class Chirp(_Wave):
@@ -147,7 +147,7 @@ class Chirp(_Wave):
         self._check_frequency("start_frequency", self.start_frequency, time)
         self._check_frequency("stop_frequency", self.stop_frequency, time)
         amplitude, offset = self._about(place)
-        return stimuli.chirp(time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset)
+        return waveforms.chirp(time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset)
 
 
 class Multisine(Stimulus):
@@ -163,7 +163,7 @@ class Multisine(Stimulus):
         for k, frequency in enumerate(self.frequencies):
             self._check_frequency(f"frequencies[{k}]", frequency, time)
         rms, offset = self._in(place.unit, "rms"), self._in(place.unit, "offset")
-        return stimuli.multisine(time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset)
+        return waveforms.multisine(time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset)
 
 
 class Multilevel(Stimulus):
@@ -177,7 +177,7 @@ class Multilevel(Stimulus):
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_span("dwell[0]", self.dwell[0], 1, time)
         seed = place.seed if self.seed is None else self.seed
-        return stimuli.multilevel(time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed)
+        return waveforms.multilevel(time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed)
 
 
 class Steps(Stimulus):
@@ -190,7 +190,7 @@ class Steps(Stimulus):
 
     def _signal(self, time: Array, place: Place) -> Array:
         levels, initial = self._in(place.unit, "levels"), self._in(place.unit, "initial")
-        return stimuli.steps(time, self.times, levels, initial)
+        return waveforms.steps(time, self.times, levels, initial)
 
 
 class Ramps(Stimulus):
@@ -201,7 +201,7 @@ class Ramps(Stimulus):
     levels: list[Amount]
 
     def _signal(self, time: Array, place: Place) -> Array:
-        return stimuli.ramps(time, self.times, self._in(place.unit, "levels"))
+        return waveforms.ramps(time, self.times, self._in(place.unit, "levels"))
 
 
 class Staircase(Stimulus):
@@ -216,7 +216,7 @@ class Staircase(Stimulus):
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_span("period", self.period, 2, time)
         levels = (self._in(place.unit, key) for key in ("bias", "increment", "maximum"))
-        return stimuli.force_staircase(time, self.period, *levels)
+        return waveforms.force_staircase(time, self.period, *levels)
 
 
 class FromFile(Stimulus):

@@ -21,8 +21,7 @@ from orchestration.fmu.model import find_model
 from orchestration.fmu.signal import Signal, read_signal
 from orchestration.master.reference.coupling_error import Mechanical, mechanical
 from orchestration.master.reference.fused import fuse
-from orchestration.system import check, ssp
-from orchestration.system import library as shipped
+from orchestration.system import check, library, ssp
 from orchestration.system.model import Member, Port, System
 from orchestration.system.ssp.vocabulary import ENDINGS
 
@@ -111,7 +110,7 @@ def _component(experiment: Experiment, name: str) -> Subject:
 
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
     is_file = Path(name).suffix.lower() in ENDINGS
-    return _seen(ssp.read(Path(name), folder) if is_file else shipped.system(name, experiment.runtime), experiment)
+    return _seen(ssp.read(Path(name), folder) if is_file else library.system(name, experiment.runtime), experiment)
 
 
 def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:

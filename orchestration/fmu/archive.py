@@ -1,7 +1,9 @@
-"""The file an FMU comes in: opened and judged in one place, for those who run it and for those who check it."""
+"""The file an FMU comes in: opened, judged and unpacked in one place, for those who run it and those who check it."""
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 import zipfile
 import zlib
 from pathlib import Path
@@ -122,6 +124,31 @@ def read_description(path: Path) -> Any:
     if description.coSimulation is None:
         raise UserError(f"{path}: an FMU for model exchange only; this program runs co-simulation")
     return description
+
+
+def unpack(path: Path) -> str:
+    """Unzip an FMU into a new temporary folder, which the caller removes.
+
+    Raises
+    ------
+    UserError
+        If it holds nothing that runs on this machine, or cannot be unzipped.
+    """
+    import fmpy
+
+    with Archive(path) as archive:
+        if fmpy.platform not in archive.platforms:
+            there = ", ".join(archive.platforms) or "none"
+            raise UserError(f"{path}: no binary for {fmpy.platform}; it has {there}")
+    folder = tempfile.mkdtemp(prefix="ppy-fmu-")
+    try:
+        fmpy.extract(str(path), folder)
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if not isinstance(error, Exception):
+            raise
+        raise UserError(f"{path}: cannot be loaded ({first_line(error)})") from error
+    return folder
 
 
 def first_line(error: Exception) -> str:

@@ -5,49 +5,24 @@ from __future__ import annotations
 import ctypes
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import fmpy
 import fmpy.fmi2 as fmi2
 import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
-from orchestration.fmu.archive import Archive, first_line, read_description
+from orchestration.fmu.archive import first_line, read_description, unpack
 from orchestration.fmu.calls import Transfer, bind, transfers
 from orchestration.fmu.log import MessageLog
 from orchestration.fmu.signal import check_type
 
 Array = NDArray[np.float64]
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
-
-
-def unpack(path: Path) -> str:
-    """Unzip an FMU into a new temporary folder, which the caller removes.
-
-    Raises
-    ------
-    UserError
-        If it holds nothing that runs on this machine, or cannot be unzipped.
-    """
-    with Archive(path) as archive:
-        if fmpy.platform not in archive.platforms:
-            there = ", ".join(archive.platforms) or "none"
-            raise UserError(f"{path}: no binary for {fmpy.platform}; it has {there}")
-    folder = tempfile.mkdtemp(prefix="ppy-fmu-")
-    try:
-        fmpy.extract(str(path), folder)
-    except BaseException as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        if not isinstance(error, Exception):
-            raise
-        raise UserError(f"{path}: cannot be loaded ({first_line(error)})") from error
-    return folder
 
 
 class Fmu:
@@ -162,7 +137,7 @@ class Fmu:
         """Do the first part of `start`; until `exit_initialization`, inputs and outputs can be exchanged."""
         self._checked("setup", self._slave.setupExperiment, None, time, stop)
         for name in self.parameters:
-            role = self._variable(name).causality or "local"
+            role = self.variable(name).causality or "local"
             if role not in ("parameter", "input"):
                 raise UserError(f"{self.path.name}: {name} is {role}, only parameters and inputs can be set")
             self.writer([name])(np.array([self.parameters[name]]))
@@ -199,7 +174,8 @@ class Fmu:
             raise UserError(f"{self.path.name}: its library lacks the function {function}") from error
         return partial(found, ctypes.c_void_p(self._slave.component), *arguments)
 
-    def _variable(self, name: str) -> Any:
+    def variable(self, name: str) -> Any:
+        """Scalar variable of a name; UserError if there is none."""
         if name not in self.variables:
             raise UserError(f"{self.path.name}: no variable named {name!r}{suggestion(name, self.variables)}")
         return self.variables[name]
@@ -213,68 +189,6 @@ class Fmu:
             self.corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
             reason = self._log.last(otherwise=first_line(error))
             raise UserError(f"{self.path.name}: {doing} failed: {reason}") from error
-
-    def run(
-        self,
-        time: Array,
-        inputs: Mapping[str, Array],
-        outputs: Sequence[str] | None = None,
-        progress: Callable[[int], None] = lambda done: None,
-        linear: bool = False,
-    ) -> dict[str, Array]:
-        """Simulate over given communication points, from a started instance.
-
-        Inputs are set at every point and held until the next, or go there linearly; outputs are read at every point
-        *after* its inputs are set, so that a direct feedthrough shows at once.
-
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Communication points in seconds, increasing.
-        inputs : Mapping[str, ndarray]
-            Values of shape (n,) by input name, in the FMU's units.
-        outputs : sequence of str, optional
-            Which variables to read; default every output.
-        progress : callable
-            Told the number of points done, now and then.
-        linear : bool
-            Whether inputs go linearly from point to point, which the FMU must be able to do.
-
-        Returns
-        -------
-        dict of str to ndarray, shape (n,)
-
-        Raises
-        ------
-        UserError
-            If a step fails or is discarded, with the time and the FMU's message; nothing shorter is returned.
-        """
-        names = list(self.outputs if outputs is None else outputs)
-        for name in inputs:
-            if self._variable(name).causality != "input":
-                inputs_are = ", ".join(self.inputs) or "none"
-                raise UserError(f"{self.path.name}: {name} is not an input; inputs are {inputs_are}")
-        feed, read = self.writer(list(inputs)), self.reader(names)
-        references = [self._variable(name).valueReference for name in inputs]
-        table = np.column_stack([np.zeros(len(time)), *inputs.values()])[:, 1:]  # there may be no inputs
-        result = np.full((len(time), len(names)), np.nan)
-        every = max(1, len(time) // 200)
-        points = time.tolist()
-        for k, now in enumerate(points):
-            if k > 0:
-                if linear:
-                    slopes = (table[k] - table[k - 1]) / (now - points[k - 1])
-                    self._slave.setRealInputDerivatives(references, [1] * len(references), slopes.tolist())
-                self.step(points[k - 1], now - points[k - 1])
-            try:
-                feed(table[k])
-                read(result[k])
-            except UserError as error:
-                raise UserError(f"{error} (at {now:g} s)") from error
-            if k % every == 0:
-                progress(k)
-        progress(len(time))
-        return {name: result[:, i] for i, name in enumerate(names)}
 
     def step(self, time: float, size: float) -> None:
         """Make a communication step.
@@ -293,6 +207,24 @@ class Fmu:
         if status > fmi2.fmi2Warning:
             raise self.failed(f"step from {time:g} s", status)
         self.warnings += status
+
+    def set_slopes(self, names: Sequence[str], slopes: Array) -> None:
+        """Let real inputs change linearly over the next step.
+
+        Parameters
+        ----------
+        names : sequence of str
+        slopes : ndarray, shape (n,)
+            In the FMU's units per second.
+
+        Raises
+        ------
+        UserError
+            If the FMU refuses or cannot interpolate.
+        """
+        references = [self.variable(name).valueReference for name in names]
+        set_slopes, orders = self._slave.setRealInputDerivatives, [1] * len(references)
+        self._checked(f"setting the slopes of {', '.join(names)}", set_slopes, references, orders, slopes.tolist())
 
     def save(self) -> Any:
         """Return a copy of the whole state, to `restore` any number of times and to `release` in the end.
@@ -368,7 +300,7 @@ class Fmu:
         return read
 
     def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
-        return transfers(self._slave.dll, verb, names, {name: self._variable(name) for name in names})
+        return transfers(self._slave.dll, verb, names, {name: self.variable(name) for name in names})
 
     def failed(self, doing: str, status: int, remark: str = "") -> UserError:
         """Tell what a status worse than a warning means; after `fatal` the instance is never called again.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fmus.kit import units
+from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
 from fmus.kit.units import allowed, shown
 
@@ -64,6 +65,13 @@ def read_signal(variable: Any) -> Signal:
     return Signal(variable.name, type_of(variable), unit, display, start, low, high, variable.description or "")
 
 
+def declared_signal(variable: Declaration) -> Signal:
+    """Gather what a component declares of a variable, as its FMU will tell it."""
+    start = float(getattr(variable, "start", 0.0))
+    display = variable.display or variable.unit
+    return Signal(variable.name, variable.type, variable.unit, display, start, variable.min, variable.max, variable.doc)
+
+
 def type_of(variable: Any) -> str:
     """Type of fmpy's scalar variable: real, integer (enumerations too), boolean or string."""
     return "integer" if variable.type == "Enumeration" else str(variable.type).lower()
@@ -89,6 +97,42 @@ def read_quantity(text: str) -> tuple[float, str] | None:
     if match is None:
         return None
     return float(match["number"]), match["unit"].strip().removeprefix("[").removesuffix("]").strip()
+
+
+def read_amount(given: str, unit: str, where: str) -> float:
+    """Read a number in a unit, or one with a unit of its own, which is converted.
+
+    Parameters
+    ----------
+    given : str
+        Like ``30``, ``30s``, ``0.5 min`` or ``10[ms]``.
+    unit : str
+        Unit of the result, and of a plain number.
+    where : str
+        What the message begins with.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    UserError
+        For no number, or a unit of another quantity.
+    """
+    quantity = read_quantity(given)
+    if quantity is None:
+        raise UserError(f"{where}: {given!r} is not a number with an optional unit")
+    value, own = quantity
+    return _converted(value, own, unit, where) if own else value
+
+
+def _converted(value: float, unit: str, to: str, where: str) -> float:
+    try:
+        units.parse(unit)
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    return float(units.convert(value, unit, to, where))
 
 
 def read_setting(given: str, signal: Signal, where: str) -> float:
@@ -122,10 +166,7 @@ def read_setting(given: str, signal: Signal, where: str) -> float:
     if unit and signal.type != "real":
         raise UserError(f"{where}: {signal.name} is {signal.type} and has no unit; leave out {unit!r}")
     if unit:
-        try:
-            value = float(units.convert(value, unit, signal.unit, where))
-        except UserError as error:
-            raise UserError(str(error) if where in str(error) else f"{where}: {error}") from error
+        value = _converted(value, unit, signal.unit, where)
         for bound in (signal.min, signal.max):  # converting 10 uH must not miss 1e-5 H by its rounding
             value = bound if math.isclose(value, bound, rel_tol=1e-12) else value
     check_type(signal.type, value, where)

@@ -1,8 +1,9 @@
-"""Running a model over a stimulus and keeping the result: the work behind ``ppy simulate``."""
+"""Stepping one FMU over given inputs: communication points, the loop, and a model's simulation for ``ppy simulate``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -96,7 +97,96 @@ def simulate(
     """
     with Fmu(model.path, parameters) as fmu:
         fmu.start(float(time[0]))
-        return fmu.run(time, inputs, list(model.outputs), progress)
+        return simulate_instance(fmu, time, inputs, list(model.outputs), progress)
+
+
+def simulate_instance(
+    fmu: Fmu,
+    time: Array,
+    inputs: Mapping[str, Array],
+    outputs: Sequence[str] | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+    linear: Collection[str] = (),
+    parts: int = 1,
+) -> dict[str, Array]:
+    """Step a started instance over given communication points.
+
+    Inputs are set at every point, and held until the next or go there linearly; outputs are read at every point *after*
+    its inputs are set, so that a direct feedthrough shows at once.
+
+    Parameters
+    ----------
+    fmu : Fmu
+    time : ndarray, shape (n,)
+        Communication points in seconds, increasing.
+    inputs : Mapping[str, ndarray]
+        Values of shape (n,) by input name, in the FMU's units.
+    outputs : sequence of str, optional
+        Which variables to read; default every output.
+    progress : callable
+        Told the number of points done, now and then.
+    linear : collection of str
+        Real inputs that go linearly from point to point. An FMU that can interpolate gets their slopes, any other holds
+        the value at the middle of every part, whose effect on its states differs in the second order only.
+    parts : int
+        Steps from point to point.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+
+    Raises
+    ------
+    UserError
+        If a step fails or is discarded, with the time and the FMU's message; nothing shorter is returned.
+    """
+    names = list(fmu.outputs if outputs is None else outputs)
+    for name in inputs:
+        if fmu.variable(name).causality != "input":
+            inputs_are = ", ".join(fmu.inputs) or "none"
+            raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {inputs_are}")
+    feed, read = fmu.writer(list(inputs)), fmu.reader(names)
+    table = np.column_stack([np.zeros(len(time)), *inputs.values()])[:, 1:]  # there may be no inputs
+    result = np.full((len(time), len(names)), np.nan)
+    every, points = max(1, len(time) // 200), time.tolist()
+    by_parts = _LinearInputs(fmu, [name in linear for name in inputs], list(inputs), feed, parts)
+    for k, now in enumerate(points):
+        if k > 0:
+            if parts == 1 and not linear:
+                fmu.step(points[k - 1], now - points[k - 1])
+            else:
+                by_parts.step(points[k - 1], now, table[k - 1], table[k])
+        try:
+            feed(table[k])
+            read(result[k])
+        except UserError as error:
+            raise UserError(f"{error} (at {now:g} s)") from error
+        if k % every == 0:
+            progress(k)
+    progress(len(time))
+    return {name: result[:, i] for i, name in enumerate(names)}
+
+
+class _LinearInputs:
+    """Steps from one communication point to the next in parts, with inputs of which some change linearly."""
+
+    def __init__(self, fmu: Fmu, moving: list[bool], names: list[str], feed: Callable[[Array], None], parts: int):
+        self._fmu, self._feed, self._parts = fmu, feed, parts
+        self._moving = np.array(moving, dtype=bool)
+        self._names = [name for name, moves in zip(names, moving, strict=True) if moves]
+        self._interpolates = bool(fmu.description.coSimulation.canInterpolateInputs)
+
+    def step(self, start: float, end: float, row: Array, next_row: Array) -> None:
+        """Go from inputs `row` (m,) at `start` to `next_row` at `end`, in seconds."""
+        slopes = np.where(self._moving, next_row - row, 0.0) / (end - start)
+        ends = [start + (end - start) * part / self._parts for part in range(self._parts)] + [end]
+        for begin, until in pairwise(ends):
+            if self._names and self._interpolates:
+                self._feed(row + slopes * (begin - start))
+                self._fmu.set_slopes(self._names, slopes[self._moving])
+            elif self._names:
+                self._feed(row + slopes * (0.5 * (begin + until) - start))
+            self._fmu.step(begin, until - begin)
 
 
 def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = "") -> None:

@@ -1,4 +1,8 @@
-"""Fitting a candidate: output error, whitened by the colour of what it leaves, and how likely it makes the record."""
+"""Prediction-error fit of a model with coloured output noise: whitened by an autoregression that is estimated with it.
+
+Output error with a noise model of its own (Ljung: System Identification, section 7.2), and a Gaussian prior on physical
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +18,16 @@ from orchestration.identify.noise import Noise, estimate, white
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
-# Width, in the logarithm, of what is believed of a physical parameter before the record is seen: a factor of 2.7. It
+# Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
-BELIEF = 1.0
-_PASSES = 3  # of fitting with a colour and estimating the colour from what is left
-_SETTLED = 0.5  # change of the log-likelihood that ends it
-_ENOUGH = 0.05  # fall of the sum of squared innovations that ends a search: far below what any evidence turns on
+PRIOR_STD = 1.0
+_PASSES = 3  # of fitting with a colour and estimating the colour from the residual
+_CONVERGED = 0.5  # change of the log-likelihood that ends it
+TOLERANCE = 0.05  # fall of the sum of squared innovations that ends a search: far below what any evidence turns on
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FitResult:
     """A candidate at its best.
 
     Attributes
@@ -33,15 +37,15 @@ class Fitted:
     values : dict of str to float
         Parameters by name, SI.
     noise : dict of str to Noise
-        By output, of what is left.
+        By output, of the residual.
     residual : dict of str to ndarray, shape (m,)
-        Simulated minus measured.
+        Measured minus simulated.
     innovation : dict of str to ndarray
         The residual whitened.
     information : ndarray, shape (p, p)
         Normal matrix of the whitened derivatives of all residuals by the searched coordinates.
-    belief : ndarray, shape (p,)
-        Curvature of what is believed of every coordinate; zero where nothing is.
+    prior_precision : ndarray, shape (p,)
+        Curvature of the prior of every coordinate; zero where there is none.
     deviance : float
         Minus twice the logarithm of the likelihood, up to what is the same for every candidate of one record.
     parameters : int
@@ -55,7 +59,7 @@ class Fitted:
     residual: dict[str, Array]
     innovation: dict[str, Array]
     information: Array
-    belief: Array
+    prior_precision: Array
     deviance: float
     parameters: int
     samples: int
@@ -71,8 +75,8 @@ def fit(
     start: Array,
     noise: Mapping[str, Noise] | None,
     physical: NDArray[np.bool_],
-    belief: float = BELIEF,
-) -> Fitted:
+    prior_std: float = PRIOR_STD,
+) -> FitResult:
     """Fit the searched parameters of a problem, and the colour of its noise in turn.
 
     Parameters
@@ -83,13 +87,13 @@ def fit(
     noise : Mapping of str to Noise, optional
         By output, to begin with; None takes white noise of the size of the residual.
     physical : ndarray of bool, shape (p,)
-        Parameters of which something is believed.
-    belief : float
-        How wide that is, see `BELIEF`.
+        Parameters that have a prior.
+    prior_std : float
+        Its standard deviation, see `PRIOR_STD`.
 
     Returns
     -------
-    Fitted
+    FitResult
 
     Raises
     ------
@@ -99,36 +103,38 @@ def fit(
     low, high = problem.bounds()
     centre = problem.position(problem.start)
     held = np.flatnonzero(physical & np.isfinite(centre))
-    weight = np.zeros(len(centre))
-    weight[held] = belief**-2
+    prior_precision = np.zeros(len(centre))
+    prior_precision[held] = prior_std**-2
 
-    def settled(q: Array, colours: Mapping[str, Noise]) -> Fitted:
-        """Fit with a colour and estimate the colour from what is left, in turn."""
-        best: Fitted | None = None
+    def iterate(q: Array, colours: Mapping[str, Noise]) -> FitResult:
+        """Fit with a colour and estimate the colour from the residual, in turn."""
+        best: FitResult | None = None
         for _ in range(_PASSES):
-            q = _minimised(problem, q, colours, weight, centre)
-            fitted = _assessed(problem, q, weight, centre)
-            if best is not None and best.bic - fitted.bic < _SETTLED:
+            q = _minimised(problem, q, colours, prior_precision, centre)
+            fitted = _assessed(problem, q, prior_precision, centre)
+            if best is not None and best.bic - fitted.bic < _CONVERGED:
                 return min(best, fitted, key=lambda f: f.bic)
             best, colours = fitted, fitted.noise
         return fitted
 
     q = np.clip(problem.inside(start), low, high)
-    found = settled(q, noise or white(problem.evaluate(q)[0], problem.even))
-    while any(len(n.coefficients) > 1 for n in found.noise.values()):
+    best = iterate(q, noise or white(problem.evaluate(q)[0], problem.even))
+    while any(len(n.coefficients) > 1 for n in best.noise.values()):
         # a colour that has swallowed what the model could tell keeps it from being told: ask once more without
-        other = settled(found.q, white(found.residual, problem.even))
-        if found.bic - other.bic < _SETTLED:
+        other = iterate(best.q, white(best.residual, problem.even))
+        if best.bic - other.bic < _CONVERGED:
             break
-        found = other
+        best = other
     problem.forget()  # of many candidates few are looked at again
-    return found
+    return best
 
 
-def _minimised(problem: Problem, q: Array, colours: Mapping[str, Noise], weight: Array, centre: Array) -> Array:
+def _minimised(
+    problem: Problem, q: Array, colours: Mapping[str, Noise], prior_precision: Array, centre: Array
+) -> Array:
     """Fit with noise of a known colour."""
-    held = np.flatnonzero(weight)
-    root = np.sqrt(weight[held])
+    held = np.flatnonzero(prior_precision)
+    root = np.sqrt(prior_precision[held])
     size = sum(p.sum() for p in problem.present.values())
 
     def rows(q: Array) -> Array:
@@ -148,33 +154,33 @@ def _minimised(problem: Problem, q: Array, colours: Mapping[str, Noise], weight:
         prior[np.arange(len(held)), held] = root
         return np.vstack([*(colours[o].whiten(j, problem.present[o]) for o, j in jacobian.items()), prior])
 
-    enough = _ENOUGH / size
-    q = minimise(rows, slopes, q, *problem.neighbourhood(q), enough)
+    tolerance = TOLERANCE / size
+    q = minimise(rows, slopes, q, *problem.neighbourhood(q), tolerance)
     while (other := problem.beyond(q)) is not None:
-        other = minimise(rows, slopes, other, *problem.neighbourhood(other), enough)
+        other = minimise(rows, slopes, other, *problem.neighbourhood(other), tolerance)
         if (rows(other) ** 2).sum() >= (rows(q) ** 2).sum():
             break
         q = other
     return q
 
 
-def _assessed(problem: Problem, q: Array, belief: Array, centre: Array) -> Fitted:
+def _assessed(problem: Problem, q: Array, prior_precision: Array, centre: Array) -> FitResult:
     """How likely a point makes the record, with the colour of what it leaves."""
     error, slopes = problem.evaluate(q)
     noise = {o: estimate(e, problem.present[o], problem.even) for o, e in error.items()}
     innovation = {o: n.whiten(error[o], problem.present[o]) for o, n in noise.items()}
     jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
     deviance = sum(2.0 * len(innovation[o]) * np.log(n.deviation) for o, n in noise.items())
-    deviance += float(belief @ np.where(belief > 0.0, q - centre, 0.0) ** 2)
+    deviance += float(prior_precision @ np.where(prior_precision > 0.0, q - centre, 0.0) ** 2)
     count = len(q) + sum(len(n.coefficients) for n in noise.values())
-    return Fitted(
+    return FitResult(
         q,
         problem.values(q),
         noise,
         error,
         innovation,
         jacobian.T @ jacobian,
-        belief,
+        prior_precision,
         float(deviance),
         count,
         len(jacobian),

@@ -1,4 +1,6 @@
-"""A component over a record: residuals of its free run and their exact derivatives, in searched coordinates.
+"""Output-error problem: residuals of a component's free run over a record, with exact derivatives.
+
+A residual is measured minus simulated (Ljung: System Identification, section 3.2).
 
 Parameters that are positive by nature are searched in their logarithm, others in units of their size.
 """
@@ -103,7 +105,7 @@ class Problem:
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return residuals (m,) and Jacobian (m, p) of every output, where it was measured.
+        """Return the residual, measured minus simulated, (m,) and its Jacobian (m, p) of every output, where measured.
 
         Raises
         ------
@@ -116,9 +118,9 @@ class Problem:
                 self.time, self.inputs, self.start | self.values(q), effort=max(_EFFORT, _EFFORTS / len(self.time))
             )
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
-            error = {o: (trajectory.signals[o] - y)[self.present[o]] for o, y in self.measured.items()}
-            jacobian = {o: trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
-            self._at = (q.tobytes(), error, jacobian)
+            residual = {o: (y - trajectory.signals[o])[self.present[o]] for o, y in self.measured.items()}
+            jacobian = {o: -trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
+            self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
 
     def forget(self) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
-from orchestration.fmu.instance import Fmu, unpack
+from orchestration.fmu.archive import unpack
+from orchestration.fmu.instance import Fmu
 from orchestration.fmu.signal import type_of
 from orchestration.master.dependency_graph import Structure
 from orchestration.master.instances import Instance

@@ -13,9 +13,9 @@ from fmus.galvanostat.model import Galvanostat
 from fmus.kit.integrate import Integrator
 from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.experiment import waveforms as stimuli
+from orchestration.experiment import waveforms
 from orchestration.reporting import pictures
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +26,7 @@ CURRENT_LIMIT = float(Galvanostat().current_limit)
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything chapters 1 and 3 let one recompute."""
     for part in (_speed, _equations, _scripts, _creep):
         yield from part()
@@ -64,7 +64,7 @@ def run(time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
 # --- chapter 1 and the strain -----------------------------------------------------------------------------------------
 
 
-def _speed() -> Iterator[Finding]:
+def _speed() -> Iterator[Entry]:
     yield Claim("section 1.2", "stress of PPy over that of muscle", ">10", 5.0 / 0.1, "", "5 MPa over 0.1 MPa")
     length = 93.2e-3  # m, the shortest actuator of table 5-1
     share = MODEL["R2"] / (MODEL["R1"] + MODEL["R2"])
@@ -96,7 +96,7 @@ def _speed() -> Iterator[Finding]:
 # --- equations 3.5 to 3.9 ---------------------------------------------------------------------------------------------
 
 
-def _equations() -> Iterator[Finding]:
+def _equations() -> Iterator[Entry]:
     a, b, c, d = trace(PpyActuator).linearise()
     s = 1j * np.logspace(-4, 3, 50)
     response = np.array([c @ np.linalg.solve(x * np.eye(len(a)) - a, b) + d for x in s])
@@ -121,7 +121,7 @@ def _equations() -> Iterator[Finding]:
 # --- programs and creep -----------------------------------------------------------------------------------------------
 
 
-def _scripts() -> Iterator[Finding]:
+def _scripts() -> Iterator[Entry]:
     k2, b2, k1, b1 = 3190.0, 0.76, 1.0, 0.02  # appendix A2, first program
     s = 1j * np.logspace(-2, 4, 50)
     program = (b1 * b2 * s**2 + (k2 * b2 + k1 * b2 + k2 * b1) * s + k1 * k2) / (b1 * b2 * k2 * s**2 + k1 * k2 * b2 * s)
@@ -154,7 +154,7 @@ def _scripts() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _creep() -> Iterator[Finding]:
+def _creep() -> Iterator[Entry]:
     load, shown = 2.75, "0.4"  # N; mm, as fig. 3-9 plots it
     k1 = MODEL["k1"]
     yield Claim(
@@ -186,7 +186,7 @@ def staircase() -> tuple[Array, Array]:
     """
     period = 60.0  # s, of one load and its removal; not printed. Nine pass the 500 s that section 5.3.2 speaks of
     time = np.arange(0.0, 10.0 * period + 1.0)
-    return time, stimuli.force_staircase(time, period)
+    return time, waveforms.force_staircase(time, period)
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -213,7 +213,7 @@ def illustrations() -> tuple[Illustration, ...]:
 
 def _square() -> Figure:
     time = np.linspace(0.0, 30.0, 1500, endpoint=False)
-    current = stimuli.square_wave(time, 0.9, 0.2)
+    current = waveforms.square_wave(time, 0.9, 0.2)
     found = run(time, {"current": current})
     figure, axes = pictures.panels(3, "±0.9 A at 0.2 Hz, 12 layers")
     for axis, name, unit, values in zip(

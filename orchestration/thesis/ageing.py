@@ -23,7 +23,7 @@ from fmus.kit.build import build_cached
 from orchestration.experiment.waveforms import square_wave
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import grid
-from orchestration.system.ageing_actuator import AGEING, AMPLITUDE, ESTIMATOR, FREQUENCY, actuator, capacitance
+from orchestration.system.library import AGEING, AMPLITUDE, ESTIMATOR, FREQUENCY, ageing_actuator, capacitance
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def run(
             return fmu
 
         drive = started(component("galvanostat"), {"protection_period": step, "control_period": step})
-        films = started(actuator(), parameters)
+        films = started(ageing_actuator(), parameters)
         watch = started(component("degradation_estimator"), {"sample_period": step} | dict(estimator))
         inputs = ["current_command", "voltage", "voltage_limit"][: 3 if protected else 2]
         feed, energise, show = drive.writer(inputs), films.writer(["current"]), watch.writer(["current", "voltage"])
@@ -110,7 +110,7 @@ def run(
                 progress(k)
     progress(time.size)
     signals = dict(zip([*_DRIVE, *_FILMS, *_WATCH], np.hstack([driven, moved, watched]).T, strict=True))
-    aged: Any = actuator()(**parameters)
+    aged: Any = ageing_actuator()(**parameters)
     for name in _STATES:
         setattr(aged, name, signals[name])  # a law on the record of its states
     truth = {"series_resistance": aged.series_resistance()}

@@ -10,7 +10,7 @@ from fmus.kit.integrate import Integrator
 from fmus.kit.units import convert
 from fmus.voice_coil_dma import analysis
 from fmus.voice_coil_dma.model import VoiceCoilDma
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration
 
 _DMA = {p.name: float(p.start) for p in VoiceCoilDma.layout.parameters}
 _A1_CUTOFF = _DMA["force_cutoff"]
@@ -18,7 +18,7 @@ _DESCRIBED_CUTOFF = VoiceCoilDma.presets["as_described"].values["force_cutoff"]
 _NYQUIST = 0.5 / analysis.SAMPLE_PERIOD
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything that the instruments let one recompute."""
     for part in (_instruments, _resolution, _filters, _galvanostat):
         yield from part()
@@ -29,7 +29,7 @@ def illustrations() -> tuple[Illustration, ...]:
     return ()
 
 
-def _instruments() -> Iterator[Finding]:
+def _instruments() -> Iterator[Entry]:
     for what, published, value, unit, to in (
         ("continuous force of the coil, 1.1 lbf", "4.9", 1.1, "lbf", "N"),
         ("stroke of the coil, 0.5 in", "12.7", 0.5, "in", "mm"),
@@ -41,14 +41,14 @@ def _instruments() -> Iterator[Finding]:
     yield Claim("table 2-1", "force that 10 V can give", "≥3", largest, "N", "K/R times 10 V")
 
 
-def _resolution() -> Iterator[Finding]:
+def _resolution() -> Iterator[Entry]:
     step = 2.0 * _DMA["converter_range"] / 2.0 ** _DMA["converter_bits"]
     position = convert(step / _DMA["potentiometer_sensitivity"], "m", "mm")
     about = "16 bits over the stroke of the potentiometer"
     yield Claim("section 2.2.2", "resolution of the position", "<0.003", float(position), "mm", about)
 
 
-def _filters() -> Iterator[Finding]:
+def _filters() -> Iterator[Entry]:
     hum = 60.0  # Hz, in the country of the thesis
     folded = abs(hum - 2.0 * _NYQUIST * round(hum / (2.0 * _NYQUIST)))
     left, humming = (
@@ -70,7 +70,7 @@ def _filters() -> Iterator[Finding]:
     yield Claim("section 2.2.3", "sampling period at 30 Hz", "33", 1e3 * analysis.SAMPLE_PERIOD, "ms")
 
 
-def _galvanostat() -> Iterator[Finding]:
+def _galvanostat() -> Iterator[Entry]:
     asked = Galvanostat(current_command=1e3)
     yield Claim("table 2-2", "largest current", "1.3", float(asked.outputs()[0]), "A", "component asked for more")
     resistance = 100.0

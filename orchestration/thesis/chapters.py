@@ -1,8 +1,12 @@
-"""All chapters together."""
+"""All chapters together, and ``docs/errata.md``, which is made from them.
+
+``python -m orchestration.thesis.chapters`` writes the page.
+"""
 
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 from orchestration.thesis import (
     actuator,
@@ -22,25 +26,48 @@ CHAPTERS = {
     "Chapter 4: degradation": (forgetting, degradation),
     "Chapter 5: the foot": (foot, work_loops),
 }
+_PAGE = Path(__file__).parents[2] / "docs" / "errata.md"
+_HEAD = """# Errata of the source
+
+Where the thesis contradicts itself, what is printed, and what holds. Made by `python -m orchestration.thesis.chapters`
+from the computations that `ppy thesis` shows; do not edit. Each row has a test that shows both figures.
+
+| # | where | printed | what holds | test |
+|---|---|---|---|---|
+"""
 
 
 @cache
-def findings() -> dict[str, tuple[Claim | Erratum, ...]]:
-    """Everything that is found, by chapter."""
-    return {title: tuple(f for part in parts for f in part.findings()) for title, parts in CHAPTERS.items()}
+def entries() -> dict[str, tuple[Claim | Erratum, ...]]:
+    """Everything that is recomputed, by chapter."""
+    return {title: tuple(e for part in parts for e in part.entries()) for title, parts in CHAPTERS.items()}
 
 
 def claims() -> dict[str, list[Claim]]:
     """Figures and statements with what the computation gives, by chapter."""
-    return {title: [f for f in found if isinstance(f, Claim)] for title, found in findings().items()}
+    return {title: [e for e in chapter if isinstance(e, Claim)] for title, chapter in entries().items()}
 
 
 def errata() -> list[Erratum]:
     """Rows of the errata page, by number."""
-    every = (f for found in findings().values() for f in found if isinstance(f, Erratum))
+    every = (e for chapter in entries().values() for e in chapter if isinstance(e, Erratum))
     return sorted(every, key=lambda e: e.number)
 
 
 def illustrations() -> dict[str, list[Illustration]]:
     """Figures by chapter."""
     return {title: [i for part in parts for i in part.illustrations()] for title, parts in CHAPTERS.items()}
+
+
+def errata_page() -> str:
+    """Return ``docs/errata.md`` as Markdown."""
+    rows = (
+        " | ".join([str(e.number), e.where, e.printed, e.holds.replace("|", "\\|"), f"`tests/{e.test}.py`"])
+        for e in errata()
+    )
+    return _HEAD + "".join(f"| {row} |\n" for row in rows)
+
+
+if __name__ == "__main__":
+    _PAGE.write_text(errata_page(), encoding="utf-8", newline="\n")
+    print(_PAGE)

@@ -163,7 +163,7 @@ class Illustration:
     draw: Callable[[], Figure]
 
 
-Finding = Claim | Erratum
+Entry = Claim | Erratum
 
 
 def number(value: float, digits: int = 3, powers: bool = False) -> str:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from orchestration.experiment.waveforms import square_wave
 from orchestration.identify.impedance import least_squares_windows, magnitude, tustin, zero_order_hold
 from orchestration.reporting import pictures
-from orchestration.system.ageing_actuator import FIRST_VOLTAGE, capacitance, periodic_voltage
+from orchestration.system.library import FIRST_VOLTAGE, capacitance, periodic_voltage
 from orchestration.thesis import ageing
 from orchestration.thesis.circuit import CIRCUIT, PERIOD, response
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +26,7 @@ _WINDOW = 1000  # samples
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything chapter 4 lets one recompute."""
     for part in (_excitation, _record, _windows, _noise, _judging):
         yield from part()
@@ -35,7 +35,7 @@ def findings() -> Iterator[Finding]:
 # --- the five-hour experiment -----------------------------------------------------------------------------------------
 
 
-def _excitation() -> Iterator[Finding]:
+def _excitation() -> Iterator[Entry]:
     omega = 2.0 * pi * 0.1
     yield Claim("section 4.3", "angular frequency of 0.1 Hz", "0.628", omega, "rad/s")
     r1, r2, c = CIRCUIT
@@ -49,7 +49,7 @@ def _excitation() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _record() -> Iterator[Finding]:
+def _record() -> Iterator[Entry]:
     yield Claim("section 4.3", "length of a window", "100", _WINDOW * PERIOD, "s")
     first, last = 16100, 184850  # appendix A3
     yield Claim(
@@ -59,7 +59,7 @@ def _record() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _windows() -> Iterator[Finding]:
+def _windows() -> Iterator[Entry]:
     count, rise = 10, 0.5
     time = PERIOD * np.arange(count * _WINDOW + 1)
     current = square_wave(time, 1.3, 0.1)
@@ -110,7 +110,7 @@ def expected_estimate(noise: float) -> Array:
     return tustin(np.linalg.solve(normal, phi.T @ voltage[1:][period] / len(phi)), PERIOD)
 
 
-def _noise() -> Iterator[Finding]:
+def _noise() -> Iterator[Entry]:
     large, small = (float(expected_estimate(noise)[1]) for noise in (20e-3, 5e-3))
     yield Claim(
         "section 4.1", "R2 by least squares with 20 mV of noise", "2.35", large, "ohm",
@@ -138,7 +138,7 @@ def printed_fit(voltage: Array, predicted: Array) -> float:
     return float(100.0 * (1.0 - np.linalg.norm(voltage[:-1] - predicted) / spread))
 
 
-def _judging() -> Iterator[Finding]:
+def _judging() -> Iterator[Entry]:
     time = PERIOD * np.arange(2 * _WINDOW + 1)
     voltage = response(square_wave(time, 1.3, 0.1))[_WINDOW:]
     fit = Claim(

@@ -12,7 +12,7 @@ from fmus.foot.model import Foot
 from fmus.foot.thesis import MILLIMETRES_PER_INCH, printed
 from orchestration.reporting import pictures
 from orchestration.thesis import motor
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration, number
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration, number
 from orchestration.thesis.motor import DcMotor, Maxwell
 from orchestration.thesis.work_loops import DAMPING, STIFFNESS
 
@@ -29,7 +29,7 @@ TABLE = {
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything chapter 5 and the symbol list let one recompute."""
     for part in (_motor, _table, _matrices, _statics, _symbols):
         yield from part()
@@ -38,7 +38,7 @@ def findings() -> Iterator[Finding]:
 # --- eq. 5.1 ----------------------------------------------------------------------------------------------------------
 
 
-def _motor() -> Iterator[Finding]:
+def _motor() -> Iterator[Entry]:
     import control
 
     driven, muscle = DcMotor(), Maxwell()
@@ -66,7 +66,7 @@ def _motor() -> Iterator[Finding]:
 # --- table 5-1 --------------------------------------------------------------------------------------------------------
 
 
-def _table() -> Iterator[Finding]:
+def _table() -> Iterator[Entry]:
     for symbol, (text, program) in TABLE.items():
         length = symbol[0] in "lr"
         value = program * MILLIMETRES_PER_INCH if length else program
@@ -93,7 +93,7 @@ def consistent() -> tuple[Array, Array]:
     return compliance, np.reshape([foot.damping(*p) for p in pairs], (2, 2)) * 1e-3
 
 
-def _matrices() -> Iterator[Finding]:
+def _matrices() -> Iterator[Entry]:
     found, (compliance, damping) = printed(), consistent()
     for equation, name, unit, texts, values, right in (
         ("eq. 5.11", "C", "mm/N", ("1081", "9.6", "7.3"), found.compliance, compliance),
@@ -166,7 +166,7 @@ def _matrix(values: Array, first: str, others: str) -> str:
     return f"[[{a}, {b}], [{c}, {d}]]"
 
 
-def _statics() -> Iterator[Finding]:
+def _statics() -> Iterator[Entry]:
     foot = Foot()
     ankle, _, toe = foot.joint_stiffnesses()
     arms = [abs(arm) * 1e3 for arm in foot.arms()]
@@ -190,7 +190,7 @@ def _statics() -> Iterator[Finding]:
 # --- symbol list ------------------------------------------------------------------------------------------------------
 
 
-def _symbols() -> Iterator[Finding]:
+def _symbols() -> Iterator[Entry]:
     yield Erratum(16, "symbol list", "compliance c_i in N/mm", "mm/N, as c_i = 1/k_i (symbol list) and in eq. 5.11")
     yield Erratum(
         17, "symbol list", "one K for coil and motor, in N·m/A or V·s; joint displacements δθ in deg",

@@ -12,7 +12,7 @@ from fmus.kit.units import convert
 from fmus.voice_coil_dma import analysis
 from fmus.voice_coil_dma.model import VoiceCoilDma
 from orchestration.reporting import pictures
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration, number
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +27,7 @@ _PRINTED_PHASE, _PRINTED_CROSSOVER = "107", "6.2"  # deg, Hz
 _OLD, _NEW, _GREY = pictures.FITTED, pictures.MODEL, pictures.MEASURED
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything that the force loop lets one recompute."""
     for part in (_plant, _controller, _margins, _closed_loop):
         yield from part()
@@ -48,7 +48,7 @@ def static_stiffness() -> float:
     return a["k1"] + a["k2"] * a["b2"] * s / (a["b2"] * s + a["k2"])
 
 
-def _plant() -> Iterator[Finding]:
+def _plant() -> Iterator[Entry]:
     frequency = 10.0  # Hz
     program, equation = abs(program_plant(2j * pi * frequency)), abs(analysis.plant()(2j * pi * frequency))
     yield Claim(
@@ -75,7 +75,7 @@ def _plant() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _controller() -> Iterator[Finding]:
+def _controller() -> Iterator[Entry]:
     held, a1 = analysis.discrete_coefficients(18.0, 0.02), analysis.discrete_coefficients(**_A1)
     printed = ("0.66", "-0.06")
     about = "Tustin's rule at 30 Hz for 18 (0.02 s + 1)/s"
@@ -103,7 +103,7 @@ def _controller() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _margins() -> Iterator[Finding]:
+def _margins() -> Iterator[Entry]:
     plain = analysis.margins(analysis.loop(**_SIMPLE, back_emf=False))
     whole = analysis.margins(analysis.loop(**_SIMPLE))
     a1 = analysis.margins(analysis.loop(**_A1, back_emf=False))
@@ -140,7 +140,7 @@ def sampled_bandwidth() -> float:
     return float(frequencies[np.argmax(closed < sqrt(0.5))])
 
 
-def _closed_loop() -> Iterator[Finding]:
+def _closed_loop() -> Iterator[Entry]:
     time = np.linspace(0.0, 1.0, 2001)
     rise = analysis.rise_time(time, analysis.closed_loop_step(time))
     yield Claim("section 2.2.3, fig. 2-6", "closed-loop time constant", "<0.1", rise, "s", "63 % of a step")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orchestration.experiment.waveforms import square_wave
 from orchestration.reporting import pictures
 from orchestration.thesis.circuit import CIRCUIT, PERIOD, response
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything that eqs. 4.7 to 4.11 let one recompute."""
     yield from _recursion()
     yield from _forgetting()
@@ -57,7 +57,7 @@ def recursive(current: Array, voltage: Array, forgetting: float, denominator: fl
     return np.array(estimates)
 
 
-def _recursion() -> Iterator[Finding]:
+def _recursion() -> Iterator[Entry]:
     forgetting = 0.985
     time = PERIOD * np.arange(301)
     current = square_wave(time, 1.3, 0.1)
@@ -92,7 +92,7 @@ def forgetting_factor(weight: float, sample: float, time: float) -> float:
     return float(10.0 ** ((log10(weight) - 2.0) * sample / time))
 
 
-def _forgetting() -> Iterator[Finding]:
+def _forgetting() -> Iterator[Entry]:
     factor, asked = 0.91, 10.0
     memory = -PERIOD / log(factor)
     left = 100.0 * factor ** (asked / PERIOD)

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestration.identify.impedance import tustin
 from orchestration.thesis.circuit import CIRCUIT, PERIOD, held_coefficients
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration, spread
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration, spread
 
 # table 3-1 as printed: b0, b1, a, then R1, R2, C of the three data sets, and their means and standard deviations
 SETS = (
@@ -28,7 +28,7 @@ BLACK_BOX = {
 }  # fmt: skip
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything that the identified parameters let one recompute."""
     for part in (_table_3_1, _sampling, _conversion, _table_3_2):
         yield from part()
@@ -54,7 +54,7 @@ def _moment(column: int, name: str, *theta: float) -> float:
     return float(np.mean(values) if name == "mean" else np.std(values, ddof=1))
 
 
-def _table_3_1() -> Iterator[Finding]:
+def _table_3_1() -> Iterator[Entry]:
     differing = []
     for n, row in enumerate(SETS, 1):
         for part, (name, unit) in enumerate(COLUMNS[3:]):
@@ -97,7 +97,7 @@ def _table_3_1() -> Iterator[Finding]:
     yield Claim("section 3.3.1", "charging time constant", "7.5", tau, "s", "(R1 + R2) C")
 
 
-def _sampling() -> Iterator[Finding]:
+def _sampling() -> Iterator[Entry]:
     b0, b1, a = map(float, SETS[0][:3])
     (pole,), (zero,) = np.roots([1.0, a]), np.roots([b0, b1])  # eq. 3.10: (b0 z + b1)/(z + a)
 
@@ -126,7 +126,7 @@ def _sampling() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _conversion() -> Iterator[Finding]:
+def _conversion() -> Iterator[Entry]:
     r1, r2, c = CIRCUIT
     found = tustin(held_coefficients(r1, r2, c, PERIOD), PERIOD)
     for (name, unit), printed, value in zip(COLUMNS[3:], MEANS[3:], found, strict=True):
@@ -142,7 +142,7 @@ def _conversion() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _table_3_2() -> Iterator[Finding]:
+def _table_3_2() -> Iterator[Entry]:
     fit, validation, akaike = (
         dict(zip(BLACK_BOX, column, strict=True)) for column in zip(*BLACK_BOX.values(), strict=True)
     )

@@ -12,8 +12,7 @@ from pathlib import Path
 from rich.table import Table
 
 from fmus.kit.errors import UserError
-from orchestration.reporting import console as screen
-from orchestration.reporting import pictures
+from orchestration.reporting import console, pictures
 from orchestration.reporting.page import Page
 from orchestration.thesis import chapters
 from orchestration.thesis.claim import Claim
@@ -44,7 +43,7 @@ def run(out: Path) -> Path:
         If it cannot be written, or there is no compiler for the coupled components.
     """
     path = target(out)
-    with screen.progress() as tell:
+    with console.progress() as tell:
         tell("recomputing tables and equations")
         found = chapters.claims()
         page = Page("The thesis, recomputed", _verdict(found))
@@ -73,7 +72,7 @@ def run(out: Path) -> Path:
         page.parts.append(_wrapped(("#", "where", "printed", "what holds"), rows, widths={1: 8, 2: 12, 3: 16}))
         page.write(path)
     show(found)
-    screen.out.print(f"\n{_verdict(found)}\nwrote {path}", markup=False)
+    console.out.print(f"\n{_verdict(found)}\nwrote {path}", markup=False)
     return path
 
 
@@ -128,8 +127,8 @@ def show(found: dict[str, list[Claim]]) -> None:
         for c in claims:
             cells = [c.where, c.what, _published(c), _value(c), _difference(c), _note(c)]
             table.add_row(*cells, style=_STYLE[c.verdict])
-        screen.out.print(table, soft_wrap=False)
-        screen.out.print()
+        console.out.print(table, soft_wrap=False)
+        console.out.print()
 
 
 def _published(claim: Claim) -> str:

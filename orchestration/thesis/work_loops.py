@@ -13,7 +13,7 @@ from fmus.foot import gait
 from fmus.foot.model import Foot
 from orchestration.reporting import pictures
 from orchestration.thesis.actuator import CURRENT_LIMIT, run, staircase
-from orchestration.thesis.claim import Claim, Erratum, Finding, Illustration
+from orchestration.thesis.claim import Claim, Entry, Erratum, Illustration
 from orchestration.thesis.motor import Maxwell
 
 if TYPE_CHECKING:
@@ -26,13 +26,13 @@ _TEST = "thesis/test_foot"
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
-def findings() -> Iterator[Finding]:
+def entries() -> Iterator[Entry]:
     """Everything that the gait lets one recompute."""
     for part in (_gait, _force, _loops):
         yield from part()
 
 
-def _gait() -> Iterator[Finding]:
+def _gait() -> Iterator[Entry]:
     foot = Foot()
     change = gait.length_changes(0.25)
     angles = {a: degrees(gait.joint_angle(foot, a, gait.lengths(0.25, foot)[a])) for a in gait.ACTUATORS}
@@ -59,7 +59,7 @@ def _gait() -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _force() -> Iterator[Finding]:
+def _force() -> Iterator[Entry]:
     muscle = Maxwell()
     k, b = muscle.instantaneous_stiffness, muscle.damping
     yield Claim("appendix A4 against fig. 5-7", "k", f"{STIFFNESS:g}", k * 1e-3, "N/mm")
@@ -109,7 +109,7 @@ def pushing(force: Array) -> float:
     return 100.0 * float(np.mean(force < 0.0))
 
 
-def _loops() -> Iterator[Finding]:
+def _loops() -> Iterator[Entry]:
     passive, active = work_loop(PROGRAM_RATE, 0.0), work_loop(PROGRAM_RATE)
     as_printed = work_loop(PRINTED_RATE)
     taken, given = energy(*passive), energy(*active)

@@ -19,6 +19,7 @@ from scipy.linalg import expm
 from fmus import component
 from fmus.kit.build import RUNTIMES
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from tests.contract.subjects import SUBJECTS, actuators_only
 from tests.support import hosts
 
@@ -39,7 +40,7 @@ Signals = dict[str, np.ndarray]
 def run(path: Path, time: np.ndarray, inputs: Signals, **parameters: float) -> Signals:
     with Fmu(path, parameters) as instance:
         instance.start(float(time[0]), float(time[-1]))
-        return instance.run(time, inputs)
+        return simulate_instance(instance, time, inputs)
 
 
 def deviation(found: np.ndarray, expected: np.ndarray) -> float:

@@ -16,7 +16,7 @@ from fmus.kit.units import parse
 from orchestration.experiment.waveforms import square_wave
 from orchestration.identify.grey_box import fit
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.thesis import chapters, circuit, degradation, errata, force_loop, forgetting, identification
+from orchestration.thesis import chapters, circuit, degradation, force_loop, forgetting, identification
 from tests.support.thesis_findings import claim, claims, row
 
 DEFAULT = {p.name: p.start for p in component("ppy_actuator").layout.parameters}
@@ -28,7 +28,7 @@ ROWS = chapters.errata()
 
 def test_the_page_is_what_the_computations_give() -> None:
     committed = (ROOT / "docs" / "errata.md").read_text(encoding="utf-8")
-    assert committed == errata.text(), "run python -m orchestration.thesis.errata"
+    assert committed == chapters.errata_page(), "run python -m orchestration.thesis.chapters"
 
 
 def test_rows_are_numbered_without_gaps() -> None:

@@ -129,7 +129,7 @@ def free_run_on_the_arrow(silverbox, samples, *effects):
     return float(np.sqrt(np.nanmean(residual**2))), found
 
 
-@pytest.mark.parametrize("samples", [8192, pytest.param(80_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("samples", [8192, pytest.param(80_000, marks=pytest.mark.random_walk)])
 def test_silverbox_hardens(silverbox, samples):
     linear, _ = free_run_on_the_arrow(silverbox, samples)
     cubic, found = free_run_on_the_arrow(silverbox, samples, "cubic_stiffness")
@@ -193,9 +193,9 @@ def test_ours_have_the_catalogue_of_their_package():
 def test_an_example_is_found_as_a_model_and_so_with_effects():
     place = f"{EXAMPLES / 'creep.py'}:Creep"
     assert list(find_model(place).outputs) == ["strain"]
-    assert "second_elongation_time" in find_model(place, laid_over=["second_kelvin"]).parameters
+    assert "second_elongation_time" in find_model(place, effects=["second_kelvin"]).parameters
     with pytest.raises(UserError, match=r"no effect named 'second_kelvi' \(did you mean second_kelvin\?\)"):
-        find_model(place, laid_over=["second_kelvi"])
+        find_model(place, effects=["second_kelvi"])
 
 
 HEAD = "from fmus.kit import Component, Effect, State\n"

@@ -54,9 +54,8 @@ from orchestration.rig.emulator.hidden_sensor import (
     SluggishSensor,
 )
 from orchestration.rig.emulator.hidden_unknown import Hum, LooseContact, LooseFixture, RestlessAir, SlippingClamp
-from orchestration.rig.emulator.physics import together
+from orchestration.rig.emulator.physics import Step, together
 from orchestration.rig.emulator.records import draw, write
-from orchestration.rig.emulator.run import Step
 from orchestration.rig.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
 
 NOMINAL = RigParameters()
@@ -357,7 +356,7 @@ def test_a_variation_leaves_what_was_wanted(name, strength):
     assert max(widths_by_fit(drawn).values()) == pytest.approx(hidden.wanted, rel=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.random_walk
 @pytest.mark.parametrize("strength", [1.0, 0.3])
 @pytest.mark.parametrize("name", VARIATIONS)
 def test_every_variation_leaves_what_was_wanted(name, strength):

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from fmus import component
-from orchestration.system import Connection, Member, Port, System, ssp
-from orchestration.system import library as shipped
+from orchestration.system import Connection, Member, Port, System, library, ssp
 from tests.support.hosts import NANOSECONDS, HostError, build_one_state_fmu, finish_in_subprocess
 from tests.support.system.archive import BINDINGS, INLINE, NAMESPACES, repacked
 from tests.support.system.hosts import member_of_archive, run_ecos_ssp, run_fmpy_ssp, run_libcosim_ssp, run_own_ssp
@@ -55,7 +54,7 @@ def close(found, wanted, tolerance=1e-9):
 @pytest.mark.parametrize(("name", "runtime"), [*((name, "native") for name in RUNS), ("degradation_watch", "python")])
 def test_the_masters_agree(exported, name, runtime):
     inputs, count, states, answers = RUNS[name]
-    system = shipped.system(name, runtime)
+    system = library.system(name, runtime)
     path = exported(system)
     tables = {m: run(path, system.step, count, inputs, [*states, *answers]) for m, run in MASTERS.items()}
     if name == "degradation_watch":
@@ -82,7 +81,7 @@ def _same_a_step_later(tables):
 def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):
     """What answers to an input at once is one exchange ahead in Ecos; the trajectories are the same."""
     inputs, count, _, (tension,) = RUNS["dma_bench"]
-    system = shipped.system("dma_bench")
+    system = library.system("dma_bench")
     path = exported(system)
     position, charge = "bench.position", "actuator.charge"
     found = run_ecos_ssp(path, system.step, count, inputs, [position, tension, charge])
@@ -94,7 +93,7 @@ def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):
 
 
 def test_fmpy_holds_zero_in_the_first_step_where_others_exchange_before_it(exported):
-    system = shipped.system("foot_gait")
+    system = library.system("foot_gait")
     members = tuple(replace(m, parameters={}) if m.name == "po" else m for m in system.members)
     path = exported(replace(system, members=members))
     rate = "foot.ankle_rate"
@@ -107,7 +106,7 @@ def test_fmpy_holds_zero_in_the_first_step_where_others_exchange_before_it(expor
 def test_connectors_of_the_system_drive_fmpy_and_stop_libcosim_and_ecos(exported):
     from fmpy.ssp.simulation import simulate_ssp
 
-    system = shipped.system("dma_bench")
+    system = library.system("dma_bench")
     path = exported(system, connectors=True)
     table = simulate_ssp(str(path), stop_time=0.05, step_size=system.step, input={"force_reference": lambda time: 1.0})
     assert table["tension"][-1] > 0.1
@@ -120,10 +119,10 @@ def test_connectors_of_the_system_drive_fmpy_and_stop_libcosim_and_ecos(exported
 def test_parameters_of_members_reach_libcosim_and_by_their_name_ecos_but_not_fmpy(exported):
     from fmpy.ssp.simulation import simulate_ssp
 
-    system = shipped.system("foot_gait")
+    system = library.system("foot_gait")
     path = exported(system)
     tension = "po.tension"
-    wanted = shipped.PRETENSION["po"]
+    wanted = library.PRETENSION["po"]
     assert run_libcosim_ssp(path, system.step, 1, {}, [tension])[tension][0] == pytest.approx(wanted, rel=1e-4)
     assert run_ecos_ssp(path, system.step, 1, {}, [tension])[tension][0] == pytest.approx(wanted, rel=1e-4)
     assert run_ecos_ssp(path, system.step, 1, {}, [tension], parameters=None)[tension][0] == 0.0
@@ -196,10 +195,10 @@ def test_parameters_of_the_system_reach_ours_and_none_of_the_others(exported, tm
 
 def test_the_step_reaches_libcosim_through_its_annotation(exported):
     pytest.importorskip("libcosimpy")
-    path = exported(shipped.system("dma_bench"))
+    path = exported(library.system("dma_bench"))
     finished = finish_in_subprocess(_time_after_a_step, str(path))
     assert finished.returncode == 0, finished.output
-    assert finished.result == round(shipped.system("dma_bench").step * NANOSECONDS)
+    assert finished.result == round(library.system("dma_bench").step * NANOSECONDS)
 
 
 def _time_after_a_step(path: str) -> int:

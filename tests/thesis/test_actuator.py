@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter, tf2ss
 
-from orchestration.system.ageing_actuator import periodic_voltage
+from orchestration.system.library import periodic_voltage
 from orchestration.thesis import actuator, circuit, identification
 from tests.support.thesis_findings import claim, claims, row
 

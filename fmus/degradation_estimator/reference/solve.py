@@ -74,15 +74,15 @@ def solve(current: np.ndarray, voltage: np.ndarray) -> list[list[float]]:
         auxiliary = auxiliary + (1 - np.exp(-STEP / FOLLOWING) if late else 1.0) * (theta - auxiliary)
         b0, b1, a = theta
         sound = -1 < a < 0 < b0 and b1 > a * b0
-        found = circuit(theta) if sound else tuple(rows[-1][:3])
+        estimate = circuit(theta) if sound else tuple(rows[-1][:3])
         valid = sound and k >= round(SETTLING / STEP) and 1 + k // 25 >= REVERSALS
-        size = magnitude(*found) if found[1] else 0.0
+        size = magnitude(*estimate) if estimate[1] else 0.0
         if valid:
             # the first valid estimate is the base; what follows is compared with it from the next sample on
             steps = max(steps, float((size / reference - 1) // IMPEDANCE_STEP)) if reference else steps
             reference = reference or size
         change = size / reference - 1 if reference else 0.0
-        rows.append([*found, float(valid), size, change, max(LIMIT - steps * VOLTAGE_STEP, LOWEST)])
+        rows.append([*estimate, float(valid), size, change, max(LIMIT - steps * VOLTAGE_STEP, LOWEST)])
     return rows
 
 

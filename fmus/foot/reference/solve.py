@@ -86,7 +86,7 @@ def torques(posture: np.ndarray, loads: np.ndarray) -> np.ndarray:
     """Torques on the joints by tensions and toe force, from virtual work."""
     _, arms = actuators(posture[0], posture[2])
     _, jacobian = toe(posture)
-    return jacobian.T @ loads[4:] - arms.T @ loads[:4]
+    return np.asarray(jacobian.T @ loads[4:] - arms.T @ loads[:4])
 
 
 def outputs(posture: np.ndarray, rates: np.ndarray, loads: np.ndarray) -> list[float]:
@@ -124,7 +124,7 @@ def acceleration(angles: np.ndarray, rates: np.ndarray, loads: np.ndarray) -> np
     """Angular accelerations of the joints with arch, friction and stops."""
     beyond = np.where(angles > UPPER, angles - UPPER, np.where(angles < LOWER, angles - LOWER, 0.0))
     torque = torques(angles, loads) - FRICTION * rates - np.array([0.0, ARCH, 0.0]) * angles
-    return torque / INERTIA - STOP_FREQUENCY**2 * beyond
+    return np.asarray(torque / INERTIA - STOP_FREQUENCY**2 * beyond)
 
 
 def move(state: np.ndarray, loads: np.ndarray) -> np.ndarray:

@@ -56,7 +56,7 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
             share = min(1.0, max(1e-6, share * min(2.0, COMPLIANCE / abs(now[1]) if now[1] else 2.0)))
             sampled = now[1]
             taken += 1
-    inputs.append([STOP, *held])  # type: ignore[misc]
+    inputs.append([STOP, *now])
     return inputs, outputs
 
 

@@ -27,6 +27,7 @@ RUNTIME_MODULES = (
     "functions",
     "generic",
     "integrate",
+    "layout",
     "sensors",
     "slave",
 )
@@ -101,9 +102,9 @@ class Bundle:
             if wanted is not None and node.level == 0:
                 # columns of ast count bytes
                 line = lines[node.lineno - 1].encode()
-                start, rest = line[: node.col_offset].decode(), line[node.col_offset :].decode()
+                before, statement = line[: node.col_offset].decode(), line[node.col_offset :].decode()
                 relative = "." * (depth + 1) + wanted
-                lines[node.lineno - 1] = start + re.sub(r"^from\s+[\w.]+", f"from {relative}", rest, count=1)
+                lines[node.lineno - 1] = before + re.sub(r"^from\s+[\w.]+", f"from {relative}", statement, count=1)
         return "\n".join(lines).encode()
 
     def _target(self, module: str, source: Path, node: ast.ImportFrom) -> str | None:
@@ -157,13 +158,13 @@ def _is_module(name: str) -> bool:
 
 def _source(module: str) -> Path:
     loaded = sys.modules.get(module)
-    found = getattr(loaded, "__file__", None)
+    path = getattr(loaded, "__file__", None)
     if loaded is None:
         spec = importlib.util.find_spec(module)
-        found = spec.origin if spec else None
-    if found is None or not Path(found).is_file():
+        path = spec.origin if spec else None
+    if path is None or not Path(path).is_file():
         raise UserError(f"the source of module {module!r} is not in a file, so it cannot go into a Python FMU")
-    return Path(found)
+    return Path(path)
 
 
 def _imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
@@ -201,9 +202,9 @@ def bundle(classes: Iterable[type[Component]]) -> tuple[dict[str, bytes], dict[t
     """
     collected, places = Bundle(), {}
     for cls in classes:
-        found: Any = vars(cls).get("made_by", cls)
-        module, name = found.__module__, found.__name__
-        if found.__qualname__ != name or getattr(sys.modules.get(module), name, None) is not found:
+        wanted: Any = vars(cls).get("made_by", cls)
+        module, name = wanted.__module__, wanted.__name__
+        if wanted.__qualname__ != name or getattr(sys.modules.get(module), name, None) is not wanted:
             raise UserError(f"{cls.__qualname__} is not defined at the top of a module: a Python FMU cannot import it")
         of_kit = module.startswith(f"{_KIT}.")  # it is there already
         places[cls] = _place_in_package(module) if of_kit else collected.add(module), name

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from fmus.kit.component import Component
 from fmus.kit.build.documentation import page
 from fmus.kit.build.parameters import to_ssv
+from fmus.kit.component import Component
 
 _LICENCES = Path(__file__).parent / "licences"
 

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit import units
+from fmus.kit.build.provenance import annotate
+from fmus.kit.build.xml import serialized
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration, DiscreteDeclaration, InputDeclaration, Layout, OutputDeclaration, ParameterDeclaration, StateDeclaration
+from fmus.kit.declare import (
+    Declaration,
+    DiscreteDeclaration,
+    InputDeclaration,
+    OutputDeclaration,
+    ParameterDeclaration,
+    StateDeclaration,
+)
+from fmus.kit.layout import Layout
 from fmus.kit.symbolic.structure import dependencies
 from fmus.kit.symbolic.trace import Graph
 
@@ -93,18 +103,18 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     stop, step = cls.experiment
     SubElement(root, "DefaultExperiment", startTime="0", stopTime=_number(stop), stepSize=_number(step),
                tolerance=_number(cls.tolerance))  # fmt: skip
+    annotate(root, cls)
     _variables(root, cls)
     _structure(root, cls.layout, graph)
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    return serialized(root)
 
 
 def _origin(cls: type[Component]) -> dict[str, str]:
-    """Author and licence as the class tells them; ours need not, if nothing of somebody else is in them."""
+    """Author and licence as the class declares them; ours need not, if nothing of somebody else is in them."""
     package = __package__.partition(".")[0]
     ours = all(part.__module__.partition(".")[0] == package for part in cls.__mro__ if part is not object)
-    told = {"author": cls.author, "license": cls.license}
-    return {name: text or _OURS[name] for name, text in told.items() if text or ours}
+    declared = {"author": cls.author, "license": cls.license}
+    return {name: text or _OURS[name] for name, text in declared.items() if text or ours}
 
 
 def _flag(value: bool) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Protocol
-from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
+from xml.etree.ElementTree import Element, SubElement, register_namespace
 
 from fmus.kit import units
+from fmus.kit.build.xml import serialized
 
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -21,7 +22,7 @@ class Typed(Protocol):
 
     @property
     def unit(self) -> str:
-        """As pint reads it; empty where the unit is not to be told."""
+        """As pint reads it; empty where no unit is to be written."""
 
 
 def to_ssv(name: str, values: Mapping[str, float], declared: Mapping[str, Typed], doc: str = "") -> bytes:
@@ -62,8 +63,7 @@ def to_ssv(name: str, values: Mapping[str, float], declared: Mapping[str, Typed]
             text = str(bool(value)).lower() if declaration.type == "boolean" else str(int(value))
             SubElement(node, f"{{{SSV}}}{declaration.type.capitalize()}", value=text)
     define_units(root, SSV, used)
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    return serialized(root)
 
 
 def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:

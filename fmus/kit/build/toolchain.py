@@ -102,9 +102,29 @@ def find_compiler(target: str) -> Compiler:
         return Compiler((sys.executable, "-m", "ziglang", "cc"), ZIG_TARGETS[target])
     if target == host_platform() and target != "win64":
         for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
-            if found := shutil.which(name):
-                return Compiler((found,))
+            if path := shutil.which(name):
+                return Compiler((path,))
     raise UserError(f"no C compiler for {target} on this machine; {INSTALL_HINT}")
+
+
+def available_platforms() -> list[str]:
+    """Platforms that a compiler on this machine can serve.
+
+    Raises
+    ------
+    UserError
+        If there is none, saying what to install.
+    """
+    platforms = []
+    for target in ZIG_TARGETS:
+        try:
+            find_compiler(target)
+        except UserError:
+            continue
+        platforms.append(target)
+    if not platforms:
+        find_compiler(host_platform())  # raises, with the hint
+    return platforms
 
 
 def compile_library(

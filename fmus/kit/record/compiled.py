@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import files
 from fmus.kit.build import toolchain
+from fmus.kit.build.sources import FOLDER, UNIT, unit
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.interpreted import Interpreted
@@ -28,7 +29,6 @@ from fmus.kit.symbolic.sensitivity import with_sensitivities
 from fmus.kit.symbolic.trace import Graph, trace
 
 Array = NDArray[np.float64]
-_SOURCES = Path(__file__).parents[1] / "fmi2"
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -93,7 +93,7 @@ class CompiledModel:
         linear : bool
             Interpolate inputs between samples instead of holding them.
         effort : float
-            Internal steps per sample, on average, that are made before it is given up.
+            Internal steps per sample, on average, beyond which the simulation is abandoned.
 
         Returns
         -------
@@ -116,18 +116,18 @@ class CompiledModel:
             if name not in values:
                 raise UserError(f"no parameter named {name!r}")
             values[name] = float(value)
-        given = np.array(list(values.values()))
+        vector = np.array(list(values.values()))
         n = len(time)
         fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
-        everything = np.concatenate([given, self._hoisted(given).full()[:, 0]])
+        everything = np.concatenate([vector, self._hoisted(vector).full()[:, 0]])
         times = np.ascontiguousarray(time, dtype=float)
         outputs, states = self._engine.simulate(times, table, linear, everything, self._graph.tolerance, effort)
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
         continuous, discrete = np.split(states, [len(layout.states)], axis=1)
-        own = self.layout
-        for group, rows in ((own.outputs, outputs), (own.states, continuous), (own.discretes, discrete)):
+        base = self.layout
+        for group, rows in ((base.outputs, outputs), (base.states, continuous), (base.discretes, discrete)):
             # each row holds the values, then their derivatives, parameter by parameter
             by_parameter = rows.reshape(n, 1 + len(self.names), len(group))
             for i, variable in enumerate(group):
@@ -174,7 +174,7 @@ class _Library:
 
 def _load(graph: Graph) -> Any:
     """Compile, or take from the cache, and bind ``ppy_simulate``."""
-    sources = {p.name: p.read_bytes() for p in _SOURCES.iterdir()}
+    sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()}
     sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
     target = toolchain.host_platform()
     digest = hashlib.sha256(toolchain.find_compiler(target).label.encode())
@@ -185,11 +185,10 @@ def _load(graph: Graph) -> Any:
         with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
             for name, contents in sources.items():
                 (Path(folder) / name).write_bytes(contents)
-            parts = ("record.c", "native.c", "integrate.c", "model.c", "laws.c")
-            everything = Path(folder) / "everything.c"  # one translation unit, as in the FMU
-            everything.write_text("".join(f'#include "{name}"\n' for name in parts), encoding="utf-8")
+            whole = Path(folder) / UNIT
+            whole.write_bytes(unit("record.c", "native.c", "integrate.c", "model.c", "laws.c"))
             library = toolchain.compile_library(
-                [everything], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
+                [whole], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
             )
         files.write_once(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate

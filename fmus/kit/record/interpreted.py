@@ -6,13 +6,14 @@ The same operations in the same order as ``fmi2/record.c``, at a hundredth of it
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from fmus.kit.integrate import MOST_STEPS, ROUNDING, SAME_INSTANT, SMALLEST_STEP
+from fmus.kit.integrate import MAX_STEPS, MIN_STEP, ROUNDING, SAME_INSTANT
 from fmus.kit.symbolic.trace import Graph
 
 Array = NDArray[np.float64]
@@ -23,11 +24,12 @@ class _Law:
 
     def __init__(self, function: ca.Function, arguments: list[Array], size: int):
         self.result = np.zeros(size)
-        self._kept = function, arguments  # the buffer borrows their memory
-        self._buffer, self._call = function.buffer()
+        buffer: Any  # CasADi's stubs want a size beside the memoryview, which has one
+        buffer, self._call = function.buffer()
         for i, argument in enumerate(arguments):
-            self._buffer.set_arg(i, memoryview(argument))  # type: ignore[arg-type, call-arg]
-        self._buffer.set_res(0, memoryview(self.result))  # type: ignore[arg-type, call-arg]
+            buffer.set_arg(i, argument.data)
+        buffer.set_res(0, self.result.data)
+        self._kept = function, buffer, arguments  # the call borrows their memory
 
     def __call__(self) -> Array:
         self._call()
@@ -46,7 +48,7 @@ class Interpreted:
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
         self._groups = layout.inputs, (*layout.states, *layout.discretes), layout.outputs
-        self._starts = [[index[f"{v.name}_start"] for v in group] for group in (layout.states, layout.discretes)]
+        self._starts = [[index[layout.start_of[v.name]] for v in group] for group in (layout.states, layout.discretes)]
         self._nominal = np.array([state.nominal for state in layout.states])
         self._periods = [index[p] if isinstance(p, str) else float(p) for p, _ in layout.sampled]
         sizes = len(layout.parameters), len(layout.inputs), len(layout.states), len(layout.discretes)
@@ -83,7 +85,7 @@ class Interpreted:
         UserError
             If the simulation fails.
         """
-        self._parameters[:], self._tolerance, self._hint, left = parameters, tolerance, math.inf, effort * len(time)
+        self._parameters[:], self._tolerance, self._hint, budget = parameters, tolerance, math.inf, effort * len(time)
         self._x[:], self._z[:] = (parameters[where] for where in self._starts)
         periods = [float(parameters[p]) if isinstance(p, int) else p for p in self._periods]
         counters = [0] * len(periods)
@@ -99,8 +101,8 @@ class Interpreted:
             if not 0.0 < h < math.inf:
                 raise UserError(f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s")
             self._held, self._slope, self._since = table[k], (table[k + 1] - table[k]) / h if linear else None, now
-            left -= self._advance(now, now + h, float(time[0]), periods, counters)
-            if left < 0.0:
+            budget -= self._advance(now, now + h, float(time[0]), periods, counters)
+            if budget < 0.0:
                 raise UserError(
                     f"more than {effort:g} internal steps per sample up to {time[k + 1]:.10g} s: with these parameters "
                     "a time constant is that much shorter than the time between samples"
@@ -143,9 +145,9 @@ class Interpreted:
         return self._rates().copy()
 
     def _integrate(self, now: float, target: float) -> int:
-        for spent in range(MOST_STEPS):
-            left = target - now
-            h = self._hint if self._hint <= 0.999 * left else left
+        for spent in range(MAX_STEPS):
+            remaining = target - now
+            h = self._hint if self._hint <= 0.999 * remaining else remaining
             x = self._x.copy()
             with np.errstate(all="ignore"):  # a trial step that overflows is rejected
                 error = self._try(now, h, x)
@@ -155,18 +157,18 @@ class Interpreted:
             if error <= 1.0:
                 now += h
                 if self._hint < math.inf:
-                    self._hint = max(self._hint, following) if h == left else following
-                if h == left:
+                    self._hint = max(self._hint, following) if h == remaining else following
+                if h == remaining:
                     return spent
                 continue
             self._x[:] = x
-            if h < SMALLEST_STEP * max(1.0, abs(now)):
+            if h < MIN_STEP * max(1.0, abs(now)):
                 raise UserError(f"accuracy {self._tolerance:g} cannot be reached at {now:.10g} s")
             self._hint = following
-        raise UserError(f"more than {MOST_STEPS} internal steps in one communication step at {now:.10g} s")
+        raise UserError(f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s")
 
     def _try(self, now: float, h: float, x: Array) -> float:
-        """Try one step, which the states are left at; the error is relative to what is tolerated."""
+        """Try one step and leave the states at its end; the error returned is relative to the tolerance."""
         k1 = self._rate(now, x)
         k2 = self._rate(now + 0.5 * h, x + 0.5 * h * k1)
         k3 = self._rate(now + 0.5 * h, x + 0.5 * h * k2)

@@ -1,1 +1,1 @@
-"""Symbolic."""
+"""A component as symbols: its traced laws, and what CasADi makes of them (structure, sensitivities, C source)."""

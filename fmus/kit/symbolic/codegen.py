@@ -73,7 +73,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         numbers = f"0.0, -INFINITY, INFINITY, {_c_double(state.nominal)}"
         rows.append(f"    {{{_c_string(name)}, {_c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},")
     index = {p.name: i for i, p in enumerate(layout.parameters)}
-    starts = [index[f"{s.name}_start"] for s in (*layout.states, *layout.discretes)]
+    starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
     periods = [
         f"    {{0.0, {index[period]}}}," if isinstance(period, str) else f"    {{{_c_double(period)}, -1}},"
         for period, _ in groups

@@ -10,8 +10,7 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import ParameterDeclaration
-from fmus.kit.symbolic.sensitivity import named
+from fmus.kit.declare import ParameterDeclaration, named
 from fmus.kit.symbolic.trace import Graph
 
 
@@ -29,7 +28,7 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     Graph
         With additional parameters, last in the list.
     casadi.Function
-        Their values, as a column, from the parameters of the graph that was given.
+        Their values, as a column, from the parameters of the original graph.
     """
     laws = ca.Function("laws", graph.arguments, [graph.rates, graph.outputs, *graph.updates])
     results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]

@@ -14,15 +14,9 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import Declaration, ParameterDeclaration
+from fmus.kit.declare import Declaration, ParameterDeclaration, named, starting
 from fmus.kit.errors import UserError
 from fmus.kit.symbolic.trace import Graph
-
-
-def named(declaration: Declaration, name: str) -> Any:
-    """Name a declaration outside a class body."""
-    declaration.name = name
-    return declaration
 
 
 def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
@@ -79,8 +73,8 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     def start(variable: Declaration, parameter: ParameterDeclaration) -> ParameterDeclaration:
         """A state's derivative starts at 1 with respect to its own start value, else at 0."""
         of = derivative(variable, parameter)
-        value = 1.0 if parameter.name == f"{variable.name}_start" else 0.0
-        return named(ParameterDeclaration(start=value, unit="1", nominal=of.nominal), f"{of.name}_start")
+        value = 1.0 if parameter.starts == variable.name else 0.0
+        return starting(ParameterDeclaration(start=value, unit="1", nominal=of.nominal), of.name)
 
     def added(what: Callable[[Any, ParameterDeclaration], Any], group: Sequence[Declaration]) -> list[Any]:
         return [what(variable, parameter) for parameter in chosen for variable in group]

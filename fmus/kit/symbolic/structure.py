@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from fmus.kit.declare import Layout
+from fmus.kit.layout import Layout
 from fmus.kit.symbolic.trace import Graph
 
 

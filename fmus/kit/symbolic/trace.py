@@ -16,8 +16,9 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration, Layout
+from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
+from fmus.kit.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -59,10 +60,10 @@ class Graph:
     @cached_property
     def start(self) -> tuple[ca.SX, ca.SX]:
         """Start parameters of the states and of the discrete states."""
-        index = {p.name: i for i, p in enumerate(self.layout.parameters)}
+        index = {p.starts: i for i, p in enumerate(self.layout.parameters)}
 
         def starts(group: Sequence[Declaration]) -> ca.SX:
-            return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[f"{v.name}_start"]] for v in group))
+            return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[v.name]] for v in group))
 
         return starts(self.layout.states), starts(self.layout.discretes)
 
@@ -98,7 +99,7 @@ class Graph:
         Parameters
         ----------
         **values : float
-            Parameters, inputs and states by name (SI); the rest are at their defaults.
+            Parameters, inputs and states by name (SI); all others are at their defaults.
 
         Returns
         -------
@@ -135,9 +136,9 @@ class Graph:
         unknown = set(values) - {v.name for group in groups for v in group}
         if unknown:
             raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
-        known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
-        known = {v.name: known[f"{v.name}_start"] for v in (*layout.states, *layout.discretes)} | known
-        return [np.array([float(known[v.name]) for v in group]) for group in groups]
+        chosen = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
+        chosen = {state: chosen[parameter] for state, parameter in layout.start_of.items()} | chosen
+        return [np.array([float(chosen[v.name]) for v in group]) for group in groups]
 
 
 def trace(cls: type[Component]) -> Graph:

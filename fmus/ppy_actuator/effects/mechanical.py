@@ -66,8 +66,8 @@ class NonlinearStiffness(ActuatorEffect):
         """Inverse of :meth:`spring_elongation`, the root of a quadratic equation."""
         n, scale = self.load_softening, self.softening_load
         shifted = super().spring_force(elongation) + n * scale
-        rest = 1.0 - n * n
-        return (shifted - n * sqrt(shifted * shifted + rest * (scale * scale))) / rest
+        complement = 1.0 - n * n
+        return (shifted - n * sqrt(shifted * shifted + complement * (scale * scale))) / complement
 
 
 class AsymmetricCreep(ActuatorEffect):

@@ -61,7 +61,7 @@ def solve(a: np.ndarray, b: np.ndarray, c: np.ndarray, scale: float) -> tuple[li
             inputs.append([time, *now])
         outputs.append([time, *(c @ np.concatenate([state, now]))])
         state, held = (step @ np.concatenate([state, now]))[:3], now
-    inputs.append([STOP, *held])  # type: ignore[misc]
+    inputs.append([STOP, *now])
     return inputs, outputs
 
 

@@ -41,7 +41,7 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
         key = round(duration, 12)
         if key not in propagators:
             propagators[key] = expm(np.block([[A, U], [np.zeros((2, 7))]]) * key)[:5]
-        return propagators[key] @ np.concatenate([state, [command, tension]])
+        return np.asarray(propagators[key] @ np.concatenate([state, [command, tension]]))
 
     inputs, outputs, held = [], [], None
     count = round(STOP / STEP)

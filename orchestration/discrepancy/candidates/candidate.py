@@ -48,8 +48,7 @@ def label(effect: type[Effect]) -> str:
 
 def own_parameters(effect: type[Effect]) -> list[str]:
     """Real parameters that an effect declares, its switch first."""
-    starts = {f"{v.name}_start" for v in (*effect.layout.states, *effect.layout.discretes)}
-    names = [p.name for p in effect.layout.parameters if p.type == "real" and p.name not in starts]
+    names = [p.name for p in effect.layout.parameters if p.type == "real" and not p.starts]
     return sorted(names, key=lambda name: name != effect.neutral)
 
 

@@ -1,4 +1,4 @@
-"""Leads: in which direction an effect would move the simulation, found without fitting anything.
+"""Score directions: where an effect would move the residual, found without fitting anything (Rao's score test).
 
 At the fitted base model an effect is looked at at its neutral value, where the simulation gives the exact derivative
 by its switch, and, because some do nothing until they are large, at a few other values, where it gives a difference.
@@ -30,27 +30,27 @@ _TRUST = 1.0 / 3.0, 3.0  # times the difference that an effect may be for it to 
 
 
 @dataclass(frozen=True)
-class Lead:
-    """What an effect would do to every output.
+class ScoreDirection:
+    """What an effect would do to the residual of every output.
 
     Attributes
     ----------
     values : dict of str to float
         Its parameters, SI; the switch is where the derivative was taken, or where the difference ends.
-    columns : dict of str to ndarray of float32, shape (m,)
+    gradient : dict of str to ndarray of float32, shape (m,)
         Derivative by the searched coordinate of the switch, or difference; where the output was measured.
     least, most : float
         How much of it there may be: bounds of the searched coordinate, or how far a difference can be trusted.
     """
 
     values: dict[str, float]
-    columns: dict[str, NDArray[np.float32]]
+    gradient: dict[str, NDArray[np.float32]]
     least: float
     most: float
 
 
-def leads(problem: Problem, effect: type[Effect]) -> list[Lead]:
-    """Look at an effect.
+def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirection]:
+    """Find where an effect would move the residual.
 
     Parameters
     ----------
@@ -67,22 +67,24 @@ def leads(problem: Problem, effect: type[Effect]) -> list[Lead]:
     neutral = declared[switch].start
     low, high = (float(end[at]) for end in problem.bounds())
     here = problem.scales[at].position(neutral)
-    room = low - here, high - here
-    found = []
+    bounds = low - here, high - here
+    directions = []
     for second in _grid(others, declared):
         base, slopes = problem.evaluate(problem.position(problem.start | second))
         local = {output: slope[:, at].astype(np.float32) for output, slope in slopes.items()}
         if any(column.any() for column in local.values()):
-            found.append(Lead(second | {switch: neutral}, local, *room))
+            directions.append(ScoreDirection(second | {switch: neutral}, local, *bounds))
         for value in _trials(effect, declared[switch], problem.time):
             try:
                 moved, _ = problem.evaluate(problem.position(problem.start | second | {switch: value}))
             except UserError:  # too much of it for a simulation
                 continue
-            found.append(
-                Lead(second | {switch: value}, {o: (moved[o] - base[o]).astype(np.float32) for o in base}, *_TRUST)
+            directions.append(
+                ScoreDirection(
+                    second | {switch: value}, {o: (moved[o] - base[o]).astype(np.float32) for o in base}, *_TRUST
+                )
             )
-    return found
+    return directions
 
 
 def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
@@ -106,10 +108,10 @@ def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, f
     return [dict(zip(names, point, strict=True)) for point in product(*choices)]
 
 
-def amounts(lead: Lead, problem: Problem, switch: str, amount: float) -> dict[str, float]:
-    """Parameters of the effect where a fit should start, if so much of a lead is wanted."""
-    if lead.least > 0.0:
-        return lead.values
+def start_values(direction: ScoreDirection, problem: Problem, switch: str, amount: float) -> dict[str, float]:
+    """Parameters of the effect where a fit should start, if so much of it is wanted."""
+    if direction.least > 0.0:
+        return direction.values
     declared, scale = problem.declared[switch], problem.scales[problem.names.index(switch)]
     value = scale.value(scale.position(declared.start) + amount)
-    return lead.values | {switch: float(np.clip(value, declared.min, declared.max))}
+    return direction.values | {switch: float(np.clip(value, declared.min, declared.max))}

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.discrepancy.note import NoteCode
 from orchestration.records.channels import runs
 
 Array = NDArray[np.float64]
@@ -20,26 +23,45 @@ _DEAD = 0.05  # share of a record for which an output without noise must stand s
 SAME = 1e-9  # of the range: what unit conversion may split one value into
 
 
-def repeats(y: Array, grain: float, usual: float) -> Iterator[tuple[str, Mask, str]]:
+@dataclass(frozen=True)
+class Symptom:
+    """A fault of one output as its samples show it.
+
+    Attributes
+    ----------
+    kind : {"clipped", "stuck", "dead", "outlier", "quantised", "unusable", "still", "nothing"}
+    code : NoteCode
+    mask : ndarray of bool, shape (n,)
+        The samples.
+    facts : Mapping of str to Any
+        Figures that its sentence needs.
+    """
+
+    kind: str
+    code: NoteCode
+    mask: Mask
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+def faults_in_noise(y: Array, resolution: float, tie_probability: float) -> Iterator[Symptom]:
     """Find values that noise could not have repeated.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
         An output, any unit, without holes.
-    grain : float
+    resolution : float
         Least step between different values, in its unit.
-    usual : float
+    tie_probability : float
         Probability that its noise repeats a sample.
 
     Yields
     ------
-    tuple of str, ndarray of bool, shape (n,), and str
-        Kind, samples, text.
+    Symptom
     """
     n, equal = len(y), equal_runs(y)
     low, high, same = float(y.min()), float(y.max()), SAME * float(np.ptp(y))
-    longest = 1.0 + _COLOURED * np.log(_ALARM / n) / np.log(usual)
+    longest = 1.0 + _COLOURED * np.log(_ALARM / n) / np.log(tie_probability)
     frozen = [(a, b) for a, b in equal if b - a >= max(RUN, longest)]
     tail = next(((a, b) for a, b in frozen if b == n and b - a >= _DEAD * n), None)
     if tail and y[-1] in (low, high) and any(abs(y[a] - y[-1]) <= same for a, _ in frozen[:-1]):
@@ -47,39 +69,38 @@ def repeats(y: Array, grain: float, usual: float) -> Iterator[tuple[str, Mask, s
     if tail:
         mask = np.zeros(n, dtype=bool)
         mask[tail[0] :] = True
-        yield "dead", mask, f"stands still at {y[-1]:.6g} to the end: a dead sensor"
+        yield Symptom("dead", NoteCode.DEAD_TO_THE_END, mask, {"level": float(y[-1])})
         frozen.remove(tail)
-    for word, level in (("maximum", high), ("minimum", low)):
+    for end, level in (("maximum", high), ("minimum", low)):
         aside = np.abs(y - level)
         at = aside <= same
-        beside = int(((aside > same) & (aside < _BESIDE * grain)).sum())
+        beside = int(((aside > same) & (aside < _BESIDE * resolution)).sum())
         # at the end of what noise reaches there are fewer samples than beside it
         if at.sum() > RUN + _BESIDE * beside and (not tail or abs(y[-1] - level) > same):
-            yield "clipped", _closed(at), f"cut off at its {word} {level:.6g}"
+            yield Symptom("clipped", NoteCode.CLIPPED, _closed(at), {"end": end, "level": level})
             frozen = [(a, b) for a, b in frozen if not at[a]]
     stuck = np.zeros(n, dtype=bool)
     for a, b in frozen:
         stuck[a:b] = True
     if stuck.any():
-        yield "stuck", stuck, f"stands still for up to {max(b - a for a, b in runs(stuck))} samples in a row"
+        yield Symptom("stuck", NoteCode.STUCK, stuck, {"samples": max(b - a for a, b in runs(stuck))})
 
 
-def standstill(y: Array, grain: float, moved: Mapping[str, Mask]) -> Iterator[tuple[str, Mask, str]]:
+def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
     """Find cuts and standstills of an output that has no noise to tell them by.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
         An output, any unit, without holes.
-    grain : float
+    resolution : float
         Least step between different values, in its unit.
     moved : Mapping of str to ndarray of bool, shape (n,)
         Where each input has changed.
 
     Yields
     ------
-    tuple of str, ndarray of bool, shape (n,), and str
-        Kind, samples, text.
+    Symptom
     """
     n, equal = len(y), equal_runs(y)
     if not equal:
@@ -92,21 +113,25 @@ def standstill(y: Array, grain: float, moved: Mapping[str, Mask]) -> Iterator[tu
         if elsewhere and all(m[a + 1 : b].sum() > 1 for m in elsewhere) and b - a > 3 * max(others, default=0):
             mask = np.zeros(n, dtype=bool)
             mask[a:b] = True
-            kind, until = ("dead", "to the end") if b == n else ("stuck", f"for {b - a} samples in a row")
-            yield kind, mask, f"stands still at {y[a]:.6g} {until} while inputs move"
+            facts = {"level": float(y[a]), "samples": b - a}
+            if b == n:
+                yield Symptom("dead", NoteCode.DEAD_WHILE_DRIVEN, mask, facts)
+            else:
+                yield Symptom("stuck", NoteCode.STUCK_WHILE_DRIVEN, mask, facts)
             equal.remove((a, b))
     low, high = (np.abs(y - level) <= SAME * np.ptp(y) for level in (y.min(), y.max()))
     ends = low | high
     between = max((e - s for s, e in equal if not ends[s]), default=RUN)
     varied = len(np.unique(y)) > 10 and ends.mean() < 0.5
-    for word, at, sign in (("maximum", high, 1.0), ("minimum", low, -1.0)):
+    for end, at, sign in (("maximum", high, 1.0), ("minimum", low, -1.0)):
         level = float(y[at][0])
         there = [(s, e) for s, e in equal if e - s >= RUN and at[s]]
-        cut = [s for s, e in there if s >= 2 and sign * (2.0 * y[s - 1] - y[s - 2] - level) > grain
+        cut = [s for s, e in there if s >= 2 and sign * (2.0 * y[s - 1] - y[s - 2] - level) > resolution
                and not any(m[s - 1 : s + 1].any() and not m[s + 2 : e].any() for m in moved.values())]  # fmt: skip
         long = sum(e - s > 1.5 * between for s, e in there) if varied else 0
         if (len(cut) >= 2 and 2 * len(cut) >= len(there)) or long >= 3:
-            yield "clipped", _closed(at), f"cut off at its {word} {level:.6g}, {len(there)} times"
+            cuts = {"end": end, "level": level, "times": len(there)}
+            yield Symptom("clipped", NoteCode.CLIPPED_REPEATEDLY, _closed(at), cuts)
 
 
 def equal_runs(y: Array) -> list[tuple[int, int]]:

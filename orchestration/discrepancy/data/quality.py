@@ -9,13 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from orchestration.discrepancy.data.faults import RUN, SAME, any_moved, equal_runs, repeats, standstill
-from orchestration.discrepancy.selection.search import Data
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.faults import (
+    RUN,
+    SAME,
+    Symptom,
+    any_moved,
+    equal_runs,
+    faults_in_noise,
+    faults_without_noise,
+)
+from orchestration.discrepancy.note import Note, NoteCode
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,7 +38,7 @@ _USABLE = 0.1  # share of the samples below which an output is not used
 
 
 @dataclass(frozen=True)
-class Finding:
+class DataFault:
     """One thing that is wrong with the data.
 
     Attributes
@@ -36,8 +46,10 @@ class Finding:
     channel : str
         Empty if it is about all of them.
     kind : {"clipped", "stuck", "dead", "outlier", "quantised", "unusable", "still", "nothing"}
-    message : str
-        One line.
+    code : NoteCode
+        How it was recognised.
+    facts : Mapping of str to Any
+        Figures that its sentence needs.
     first, last : int
         Samples between which it was seen, both of them included.
     start, end : float
@@ -50,7 +62,8 @@ class Finding:
 
     channel: str
     kind: str
-    message: str
+    code: NoteCode
+    facts: Mapping[str, Any]
     first: int
     last: int
     start: float
@@ -58,74 +71,75 @@ class Finding:
     share: float
     left_out: bool
 
+    @property
+    def note(self) -> Note:
+        """It as a remark of the diagnosis."""
+        return Note(self.code, self.channel, {**self.facts, "share": self.share})
 
-def judge(data: Data, simulated: Mapping[str, Array] | None = None) -> tuple[Data, list[Finding]]:
+
+def assess(data: Dataset, simulated: Mapping[str, Array] | None = None) -> tuple[Dataset, list[DataFault]]:
     """Look for what is wrong with the data.
 
     Parameters
     ----------
-    data : Data
+    data : Dataset
     simulated : Mapping of str to ndarray, shape (n,), optional
         Outputs as a model shows them under the same inputs. What they do themselves, such as resting at a limit or not
         moving at all, is no fault of the data.
 
     Returns
     -------
-    Data
+    Dataset
         With NaN where an output cannot be trusted, and without outputs that say nothing.
-    list of Finding
-        What was found, in the order of the channels, inputs first.
+    list of DataFault
+        In the order of the channels, inputs first.
     """
-    findings = list(_excitation(data))
+    faults = list(_excitation(data))
     moves = {name: _changes(values) for name, values in data.inputs.items()}
-    kept, shown = {}, simulated or {}
+    usable, modelled = {}, simulated or {}
     for name, values in data.measured.items():
         bad = np.zeros(len(values), dtype=bool)
-        own = {kind for kind, *_ in _faults(shown[name], moves)} if name in shown else set()
-        for kind, mask, text in _faults(values, moves):
-            if kind in own:
+        own = {symptom.kind for symptom in _symptoms(modelled[name], moves)} if name in modelled else set()
+        for symptom in _symptoms(values, moves):
+            if symptom.kind in own:
                 continue
-            findings.append(_finding(data, name, kind, text, mask, values, kind != "quantised"))
-            bad |= mask if kind != "quantised" else False
+            left_out = symptom.kind != "quantised"
+            faults.append(_fault(data, name, symptom, values, left_out))
+            bad |= symptom.mask if left_out else False
         present = np.isfinite(values)
         share = float((present & ~bad).sum() / max(present.sum(), 1))
         if share >= _USABLE:
-            kept[name] = np.where(bad, np.nan, values)
+            usable[name] = np.where(bad, np.nan, values)
         elif share > 0.0:
-            text = f"{100.0 * share:.2g} % of its samples are left: it is not used at all"
-            findings.append(_finding(data, name, "unusable", text, present, values, True))
-    if not kept:
+            symptom = Symptom("unusable", NoteCode.UNUSABLE, present, {"usable": share})
+            faults.append(_fault(data, name, symptom, values, True))
+    if not usable:
         everything = np.ones(len(data.time), dtype=bool)
-        text = "no output is left that could be trusted: nothing can be judged"
-        findings.append(_finding(data, "", "nothing", text, everything, data.time, False))
-    return replace(data, measured=kept), findings
+        faults.append(_fault(data, "", Symptom("nothing", NoteCode.NOTHING_USABLE, everything), data.time, False))
+    return replace(data, measured=usable), faults
 
 
-def _finding(data: Data, channel: str, kind: str, text: str, mask: Mask, values: Array, left_out: bool) -> Finding:
-    where = np.flatnonzero(mask)
+def _fault(data: Dataset, channel: str, symptom: Symptom, values: Array, left_out: bool) -> DataFault:
+    where = np.flatnonzero(symptom.mask)
     first, last = int(where[0]), int(where[-1])
     start, end = float(data.time[first]), float(data.time[last])
-    share = float(mask.sum() / max(np.isfinite(values).sum(), 1))
-    return Finding(channel, kind, f"{channel}: {text}" if channel else text, first, last, start, end, share, left_out)
+    share = float(symptom.mask.sum() / max(np.isfinite(values).sum(), 1))
+    return DataFault(channel, symptom.kind, symptom.code, symptom.facts, first, last, start, end, share, left_out)
 
 
-def _excitation(data: Data) -> Iterator[Finding]:
+def _excitation(data: Dataset) -> Iterator[DataFault]:
     """Inputs that do not move, and what that means."""
     everything = np.ones(len(data.time), dtype=bool)
     still = {name: values for name, values in data.inputs.items() if not _changes(values).any()}
     for name, values in still.items():
-        text = (
-            f"constant at {values[0]:.6g} throughout: what only answers to its changes cannot be judged, and effects "
-            "that need them cannot be told apart"
-        )
-        yield _finding(data, name, "still", text, everything, values, False)
+        constant = Symptom("still", NoteCode.CONSTANT_INPUT, everything, {"value": float(values[0])})
+        yield _fault(data, name, constant, values, False)
     if len(still) == len(data.inputs):
-        text = "no input moves: neither a cause nor a parameter can be judged, only how the record settles"
-        yield _finding(data, "", "still", text, everything, data.time, False)
+        yield _fault(data, "", Symptom("still", NoteCode.NO_EXCITATION, everything), data.time, False)
 
 
-def _faults(values: Array, moves: Mapping[str, Mask]) -> Iterator[tuple[str, Mask, str]]:
-    """What is wrong with one output: kind, samples, text."""
+def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
+    """What is wrong with one output."""
     where = np.flatnonzero(np.isfinite(values))
     y = values[where]
     n = len(y)
@@ -133,29 +147,29 @@ def _faults(values: Array, moves: Mapping[str, Mask]) -> Iterator[tuple[str, Mas
         return
     moved = {name: mask[where] for name, mask in moves.items()}
 
-    def whole(mask: Mask) -> Mask:
+    def whole(symptom: Symptom) -> Symptom:
         result = np.zeros(len(values), dtype=bool)
-        result[where[mask]] = True
-        return result
+        result[where[symptom.mask]] = True
+        return replace(symptom, mask=result)
 
-    grain = _resolution(y)
-    dead = _dead_throughout(y, grain, moved)
+    resolution = _resolution(y)
+    dead = _dead_throughout(y, resolution, moved)
     if dead:
-        yield "dead", whole(np.ones(n, dtype=bool)), dead
+        yield whole(dead)
         return
-    usual = _usual_repeats(y, grain, moved)
-    found = standstill(y, grain, moved) if usual is None else repeats(y, grain, usual)
+    ties = _tie_probability(y, resolution, moved)
+    symptoms = faults_without_noise(y, resolution, moved) if ties is None else faults_in_noise(y, resolution, ties)
     bad = np.zeros(n, dtype=bool)
-    for kind, mask, text in found:
-        bad |= mask
-        yield kind, whole(mask), f"{text}, {100.0 * mask.mean():.2g} % of the samples"
-    coarse = usual is None and 4 * len(np.unique(y)) <= n and _on_grid(y, grain)
-    spikes = _outliers(y, grain, bad, moved)
-    if (coarse or usual is not None) and 0 < spikes.sum() <= max(1, _SPIKES * n):
-        yield "outlier", whole(spikes), f"{spikes.sum()} single samples far from their neighbours"
+    for symptom in symptoms:
+        bad |= symptom.mask
+        yield whole(symptom)
+    coarse = ties is None and 4 * len(np.unique(y)) <= n and _on_grid(y, resolution)
+    spikes = _outliers(y, resolution, bad, moved)
+    if (coarse or ties is not None) and 0 < spikes.sum() <= max(1, _SPIKES * n):
+        yield whole(Symptom("outlier", NoteCode.OUTLIERS, spikes, {"count": int(spikes.sum())}))
     if coarse:
-        text = f"steps of {grain:.4g}, coarser than its noise: nothing finer can be judged"
-        yield "quantised", whole(np.ones(n, dtype=bool)), text
+        everything = np.ones(n, dtype=bool)
+        yield whole(Symptom("quantised", NoteCode.QUANTISED, everything, {"resolution": resolution}))
 
 
 def _changes(values: Array) -> Mask:
@@ -172,12 +186,12 @@ def _resolution(y: Array) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def _on_grid(y: Array, grain: float) -> bool:
-    steps = np.diff(np.unique(y)) / grain
+def _on_grid(y: Array, resolution: float) -> bool:
+    steps = np.diff(np.unique(y)) / resolution
     return bool(np.abs(steps - np.round(steps)).max(initial=0.0) < 0.01)
 
 
-def _usual_repeats(y: Array, grain: float, moved: Mapping[str, Mask]) -> float | None:
+def _tie_probability(y: Array, resolution: float, moved: Mapping[str, Mask]) -> float | None:
     """Probability that noise repeats a sample, seen where no input moves; None if there is no noise to tell by.
 
     The third differences of noise alternate, those of a smooth signal do not.
@@ -186,34 +200,37 @@ def _usual_repeats(y: Array, grain: float, moved: Mapping[str, Mask]) -> float |
     if len({float(y[a]) for a, b in equal if b - a >= 4 * RUN}) > _LEVELS:
         return None
     for a, b in equal:
-        calm[a:b] &= b - a < RUN  # what is to be found, perhaps
+        calm[a:b] &= b - a < RUN  # may be the very fault that is looked for
     calm = calm[1:-2] & calm[2:-1] & calm[3:]
     third = np.diff(y, 3)[calm]
     signs = np.sign(third[third != 0.0])
-    if len(signs) < _CALM or np.mean(signs[1:] != signs[:-1]) < 0.6 or np.median(np.abs(third)) < 2.0 * grain:
+    if len(signs) < _CALM or np.mean(signs[1:] != signs[:-1]) < 0.6 or np.median(np.abs(third)) < 2.0 * resolution:
         return None
-    usual = float(np.mean(np.diff(y)[2:][calm] == 0.0))
-    return max(usual, 1.0 / len(y)) if usual < _COARSE else None
+    ties = float(np.mean(np.diff(y)[2:][calm] == 0.0))
+    return max(ties, 1.0 / len(y)) if ties < _COARSE else None
 
 
-def _dead_throughout(y: Array, grain: float, moved: Mapping[str, Mask]) -> str:
+def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> Symptom | None:
     """Tell if an output says nothing at all while inputs move."""
     inputs = any_moved(moved, len(y))
     if not inputs.any():
-        return ""
-    if grain == 0.0:
-        return f"constant at {y[0]:.6g} while inputs move: a dead sensor, or nothing drives it; it is not used"
+        return None
+    everything = np.ones(len(y), dtype=bool)
+    if resolution == 0.0:
+        return Symptom("dead", NoteCode.DEAD_CONSTANT, everything, {"level": float(y[0])})
     changes = np.flatnonzero(np.diff(y)) + 1
     near = inputs | np.roll(inputs, 1) | np.roll(inputs, -1)
-    if np.ptp(y) < 2.5 * grain and len(changes) and not near.all() and near[changes].mean() < 0.5:
-        return f"only toggles between neighbouring steps of {grain:.4g} whatever the inputs do: it is not used"
-    return ""
+    if np.ptp(y) < 2.5 * resolution and len(changes) and not near.all() and near[changes].mean() < 0.5:
+        return Symptom("dead", NoteCode.DEAD_TOGGLING, everything, {"resolution": resolution})
+    return None
 
 
-def _outliers(y: Array, grain: float, bad: Mask, moved: Mapping[str, Mask]) -> Mask:
+def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask]) -> Mask:
     """Single samples far from both neighbours, which agree, where no input moves."""
     aside = y[1:-1] - 0.5 * (y[:-2] + y[2:])
-    deviation = max(float(np.median(np.abs(aside[~bad[1:-1]]))) / float(norm.ppf(0.75)) if (~bad).any() else 0.0, grain)
+    deviation = max(
+        float(np.median(np.abs(aside[~bad[1:-1]]))) / float(norm.ppf(0.75)) if (~bad).any() else 0.0, resolution
+    )
     alone = (np.abs(aside) > _SPIKE * deviation) & (np.abs(y[2:] - y[:-2]) < 0.25 * np.abs(aside))
     quiet = ~any_moved(moved, len(y))
     near = quiet[:-2] & quiet[1:-1] & quiet[2:]

@@ -1,20 +1,23 @@
-"""Which data a diagnosis may rest on, decided before any model is blamed."""
+"""Which data a diagnosis may rest on, decided before any model is blamed, and how they are divided."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import CompiledModel
-from orchestration.discrepancy.data.quality import judge
-from orchestration.discrepancy.selection.search import Data
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
+from orchestration.discrepancy.data.quality import assess
+from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.noise import ORDER, segments
 from orchestration.records.clock import evenly_sampled
 
+_SHORTEST = 150  # samples to fit to
 _LASTING = 0.5  # of the record, before which an output ends too early
 _FEWEST = 20  # samples without which an output tells nothing
 _THIRD = 0.6745 * np.sqrt(20.0)  # median size of the third differences of white noise, over its deviation
@@ -22,8 +25,73 @@ _LOST = 0.05  # of the noise, below which thousands of samples tell nothing of a
 _HUGE = 1e30  # no measurement is that large, and its square is still a number
 
 
-def trusted(cls: type[Component], data: Data, fixed: Mapping[str, float]) -> tuple[Data, list[str]]:
-    """Leave out what cannot be trusted before a model is blamed; what the model shows too is no fault of the data."""
+@dataclass(frozen=True)
+class DividedData:
+    """A record that was screened and divided.
+
+    Attributes
+    ----------
+    usable : Dataset
+        All of the record that can be trusted.
+    estimation : Dataset
+        What of it is fitted to.
+    validation : ValidationData
+    notes : list of Note
+        What was left out of either, and why.
+    """
+
+    usable: Dataset
+    estimation: Dataset
+    validation: ValidationData
+    notes: list[Note]
+
+
+def divided(cls: type[Component], data: Dataset, holdout: Dataset | None, fixed: Mapping[str, float]) -> DividedData:
+    """Screen a record and divide it into estimation and validation data.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    data : Dataset
+    holdout : Dataset, optional
+        Another record to judge by; without it the end of the record is held out.
+    fixed : Mapping of str to float
+        Parameters of the model.
+
+    Raises
+    ------
+    UserError
+        If the record is too short, or no output can be both fitted and judged.
+    """
+    least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
+    if len(data.time) < least:
+        raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
+    data, notes = screened(cls, data, fixed)
+    if holdout is not None:
+        holdout, others = screened(cls, holdout, fixed)
+        notes += [note.of_holdout() for note in others if note not in notes]
+    data, early = drop_truncated(data)
+    if holdout is None:
+        estimation, validation = ValidationData.split(data)
+    else:
+        estimation, validation = data, ValidationData.separate_record(holdout)
+    kept = sufficient(estimation)
+    notes += early + [Note(NoteCode.MANY_GAPS, o) for o in estimation.measured if o not in kept]
+    validation = replace(validation, data=validation.data.only(kept))
+    if not (kept and validation.data.measured):
+        raise UnusableRecordError(notes)
+    notes += [Note(NoteCode.NOT_IN_VALIDATION_DATA, o) for o in kept if o not in validation.data.measured]
+    return DividedData(data.only(kept), estimation.only(kept), validation, notes)
+
+
+def screened(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> tuple[Dataset, list[Note]]:
+    """Leave out what cannot be trusted before a model is blamed; what the model does too is no fault of the data.
+
+    Raises
+    ------
+    UserError
+        If nothing is left.
+    """
     for name, values in (*data.inputs.items(), *data.measured.items()):
         if np.abs(values[np.isfinite(values)]).max(initial=0.0) > _HUGE:
             raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
@@ -31,31 +99,31 @@ def trusted(cls: type[Component], data: Data, fixed: Mapping[str, float]) -> tup
         simulated = CompiledModel(cls).run(data.time, data.inputs, fixed, data.linear).signals
     except UserError:
         simulated = {}
-    kept, findings = judge(data, {o: simulated[o] for o in data.measured if o in simulated})
-    told = [finding.message for finding in sorted(findings, key=lambda f: bool(f.channel))]
-    enough = {o: y for o, y in kept.measured.items() if np.isfinite(y).sum() >= _FEWEST}
-    told += [f"{o}: too few samples to say anything" for o in kept.measured if o not in enough]
+    usable, faults = assess(data, {o: simulated[o] for o in data.measured if o in simulated})
+    notes = [fault.note for fault in sorted(faults, key=lambda fault: bool(fault.channel))]
+    enough = {o: y for o, y in usable.measured.items() if np.isfinite(y).sum() >= _FEWEST}
+    notes += [Note(NoteCode.TOO_FEW_SAMPLES, o) for o in usable.measured if o not in enough]
     if not enough:
-        raise UserError("; ".join(told))
-    return replace(kept, measured=enough), told
+        raise UnusableRecordError(notes)
+    return replace(usable, measured=enough), notes
 
 
-def lasting(data: Data) -> tuple[Data, list[str]]:
+def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
     """Leave out outputs that end long before the others: the part held out is the end of what all of them have."""
     ends = {o: int(np.flatnonzero(np.isfinite(y))[-1]) for o, y in data.measured.items()}
     short = [o for o, end in ends.items() if end < _LASTING * max(ends.values())]
-    told = [f"{o}: ends at {data.time[ends[o]]:.6g} s, long before the others, and is not used" for o in short]
-    return data.only([o for o in ends if o not in short]), told
+    notes = [Note(NoteCode.ENDS_EARLY, o, {"time": float(data.time[ends[o]])}) for o in short]
+    return data.only([o for o in ends if o not in short]), notes
 
 
-def usable(data: Data) -> list[str]:
+def sufficient(data: Dataset) -> list[str]:
     """Outputs with enough samples behind each other to know their noise."""
     memory = ORDER if evenly_sampled(data.time) else 0
     lengths = {o: [b - a - memory for a, b in segments(np.isfinite(y), memory)] for o, y in data.measured.items()}
     return [o for o, length in lengths.items() if sum(length) >= _FEWEST]
 
 
-def moves(cls: type[Component], data: Data, fixed: Mapping[str, float]) -> bool:
+def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> bool:
     """Whether the inputs move any output by more than is lost in its noise, as far as the model can tell.
 
     Held against each other are simulations with the inputs as they are and with their means; the noise is what third

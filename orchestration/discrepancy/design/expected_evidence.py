@@ -1,6 +1,6 @@
-"""What a record yet to be made would say: how far BIC would fall in favour of the right one of two models.
+"""What a record yet to be made would say: how far BIC would fall in favour of the true one of two models.
 
-The right model is simulated; the wrong one is refitted to that, and so is the colour of its noise, which takes slow
+The true model is simulated; the other is refitted to that, and so is the colour of its noise, which takes slow
 errors for noise as it does in a real fit. Everything is an expectation over the noise, so nothing is drawn.
 """
 
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.candidates.outlook import inverse
-from orchestration.discrepancy.selection.search import Evidence
 from orchestration.identify.grey_box import yule_walker
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.noise import ORDER, Noise
-from orchestration.identify.prediction_error import BELIEF
+from orchestration.identify.prediction_error import PRIOR_STD
 
 Array = NDArray[np.float64]
-_PASSES = 2  # of refitting and estimating the colour of what is left
+_PASSES = 2  # of refitting and estimating the colour of the residual
 _MEMORY = 4000  # samples after which noise has forgotten
 _TRIALS = 12  # of a refit: it is an expectation to a factor, not an estimate
 _EFFORT = 200.0  # internal steps per sample, beyond which a model has become too stiff
@@ -44,19 +44,19 @@ class Response:
     slopes: dict[str, Array]
 
 
-def at_rest(model: Evidence) -> Array:
+def at_rest(model: FittedCandidate) -> Array:
     """Searched coordinates of a fitted model, states where they start by declaration."""
     problem = model.problem
-    starts = {name: problem.start[name] for name in problem.names if name.endswith("_start")}
-    return problem.position(problem.start | model.fitted.values | starts)
+    starts = {name: problem.start[name] for name in problem.names if problem.declared[name].starts}
+    return problem.position(problem.start | model.fit.values | starts)
 
 
-def respond(model: Evidence, time: Array, inputs: Mapping[str, Array], q: Array) -> Response:
+def respond(model: FittedCandidate, time: Array, inputs: Mapping[str, Array], q: Array) -> Response:
     """Simulate a fitted model.
 
     Parameters
     ----------
-    model : Evidence
+    model : FittedCandidate
     time, inputs
         The stimulus, (n,) each, SI.
     q : ndarray, shape (p,)
@@ -74,103 +74,110 @@ def respond(model: Evidence, time: Array, inputs: Mapping[str, Array], q: Array)
     problem = model.problem
     run = problem.model.run(time, inputs, problem.start | problem.values(q), effort=_EFFORT)
     scale = np.array([s.slope(x) for s, x in zip(problem.scales, q, strict=True)])
-    measured = model.fitted.residual
+    measured = model.fit.residual
     return Response({o: run.signals[o] for o in measured}, {o: run.sensitivities[o] * scale for o in measured})
 
 
-def linearised(right: Evidence, wrong: Evidence, truth: Response, other: Response) -> float:
-    """Expected fall of BIC in favour of the right model, the wrong one refitted as far as it is linear.
+def expected_delta_bic_linear(
+    true_model: FittedCandidate, candidate: FittedCandidate, truth: Response, other: Response
+) -> float:
+    """Expected fall of BIC in favour of the true model, the candidate refitted as far as it is linear.
 
     Parameters
     ----------
-    right, wrong : Evidence
+    true_model, candidate : FittedCandidate
         Both fitted to a record that cannot tell them apart.
     truth, other : Response
         Of the two, over the stimulus.
     """
-    left, colours = other.signals, right.fitted.noise
+    residual, colours = other.signals, true_model.fit.noise
     for _ in range(_PASSES):
-        rows = np.concatenate([_white(colours[o], other.signals[o] - truth.signals[o]) for o in other.signals])
+        rows = np.concatenate([_white(colours[o], truth.signals[o] - other.signals[o]) for o in other.signals])
         columns = np.vstack([_white(colours[o], slopes) for o, slopes in other.slopes.items()])
-        belief = _belief(wrong)
-        step = -inverse(columns.T @ columns + belief.T @ belief) @ (columns.T @ rows)
-        left = {o: other.signals[o] - truth.signals[o] + other.slopes[o] @ step for o in other.signals}
-        colours = _colours(right, left)
-    return _fall(right, wrong, colours, len(next(iter(left.values()))))
+        prior = _prior(candidate)
+        step = inverse(columns.T @ columns + prior.T @ prior) @ (columns.T @ rows)
+        residual = {o: truth.signals[o] - other.signals[o] - other.slopes[o] @ step for o in other.signals}
+        colours = _colours(true_model, residual)
+    return _fall(true_model, candidate, colours, len(next(iter(residual.values()))))
 
 
-def refitted(
-    right: Evidence, wrong: Evidence, truth: Response, time: Array, inputs: Mapping[str, Array], q: Array
+def expected_delta_bic(
+    true_model: FittedCandidate,
+    candidate: FittedCandidate,
+    truth: Response,
+    time: Array,
+    inputs: Mapping[str, Array],
+    q: Array,
 ) -> float:
-    """Expected fall of BIC in favour of the right model, the wrong one refitted as it is.
+    """Expected fall of BIC in favour of the true model, the candidate refitted as it is.
 
     Parameters
     ----------
-    right, wrong, truth
-        As in :func:`linearised`.
+    true_model, candidate, truth
+        As in :func:`expected_delta_bic_linear`.
     time, inputs
         The stimulus.
     q : ndarray, shape (p,)
-        Where the wrong model starts.
+        Where the candidate starts.
     """
-    low, high = wrong.problem.bounds()
-    belief, begin = _belief(wrong), np.clip(q, low, high)
-    colours: Mapping[str, Noise] = right.fitted.noise
+    low, high = candidate.problem.bounds()
+    prior, begin = _prior(candidate), np.clip(q, low, high)
+    colours: Mapping[str, Noise] = true_model.fit.noise
     kept: dict[bytes, Response] = {}
 
     def response(q: Array) -> Response:
         if q.tobytes() not in kept:
             kept.clear()
-            kept[q.tobytes()] = respond(wrong, time, inputs, q)
+            kept[q.tobytes()] = respond(candidate, time, inputs, q)
         return kept[q.tobytes()]
 
     def rows(q: Array) -> Array:
         try:
-            shown = response(q).signals
+            simulated = response(q).signals
         except UserError:
             return np.full(1, np.inf)  # a point to step back from
-        return np.concatenate([*(_white(colours[o], y - truth.signals[o]) for o, y in shown.items()),
-                               belief @ (q - begin)])  # fmt: skip
+        return np.concatenate([*(_white(colours[o], truth.signals[o] - y) for o, y in simulated.items()),
+                               prior @ (q - begin)])  # fmt: skip
 
     def slopes(q: Array) -> Array:
-        return np.vstack([*(_white(colours[o], j) for o, j in response(q).slopes.items()), belief])
+        return np.vstack([*(_white(colours[o], -j) for o, j in response(q).slopes.items()), prior])
 
     falls = []
     # a colour that swallows what is wrong and white noise that does not lead to different ends: a fit takes the better
-    for first in (right.fitted.noise, {o: Noise(np.empty(0), _size(right, o)) for o in right.fitted.noise}):
+    for first in (true_model.fit.noise, {o: Noise(np.empty(0), _size(true_model, o)) for o in true_model.fit.noise}):
         at, colours = begin, first
         for _ in range(_PASSES):
             at = minimise(rows, slopes, at, low, high, 1e-3, _TRIALS)
-            shown = response(at).signals
-            colours = _colours(right, {o: y - truth.signals[o] for o, y in shown.items()})
-        falls.append(_fall(right, wrong, colours, len(time)))
+            simulated = response(at).signals
+            colours = _colours(true_model, {o: truth.signals[o] - y for o, y in simulated.items()})
+        falls.append(_fall(true_model, candidate, colours, len(time)))
     return min(falls)
 
 
-def _size(right: Evidence, output: str) -> float:
-    return float(np.sqrt(_covariance(right.fitted.noise[output])[0]))
+def _size(true_model: FittedCandidate, output: str) -> float:
+    return float(np.sqrt(_covariance(true_model.fit.noise[output])[0]))
 
 
 def _white(noise: Noise, values: Array) -> Array:
     return noise.whiten(values, np.ones(len(values), dtype=bool))
 
 
-def _belief(model: Evidence) -> Array:
+def _prior(model: FittedCandidate) -> Array:
     """Rows that keep physical parameters, not start values nor those of effects, from running away, as in a fit."""
     own = set(model.candidate.parameters)
-    held = [k for k, n in enumerate(model.problem.names) if n not in own and not n.endswith("_start")]
-    return np.eye(len(model.problem.names))[held] / BELIEF
+    held = [k for k, n in enumerate(model.problem.names) if n not in own and not model.problem.declared[n].starts]
+    return np.eye(len(model.problem.names))[held] / PRIOR_STD
 
 
-def _colours(right: Evidence, left: Mapping[str, Array]) -> dict[str, Noise]:
-    """Noise that a fit would estimate, on average, where a systematic error is left under the true noise."""
-    found = {}
-    for output, error in left.items():
+def _colours(true_model: FittedCandidate, residual: Mapping[str, Array]) -> dict[str, Noise]:
+    """Noise that a fit would estimate, on average, where a systematic error remains under the true noise."""
+    colours = {}
+    for output, error in residual.items():
         n = len(error)
         systematic = np.array([error[: n - k] @ error[k:] for k in range(ORDER + 1)]) / n
-        coefficients, variance = yule_walker(systematic + _covariance(right.fitted.noise[output]), n)
-        found[output] = Noise(coefficients, float(np.sqrt(variance)))
-    return found
+        coefficients, variance = yule_walker(systematic + _covariance(true_model.fit.noise[output]), n)
+        colours[output] = Noise(coefficients, float(np.sqrt(variance)))
+    return colours
 
 
 def _covariance(noise: Noise) -> Array:
@@ -181,10 +188,10 @@ def _covariance(noise: Noise) -> Array:
     return np.array([answer[: _MEMORY - k] @ answer[k:] for k in range(ORDER + 1)])
 
 
-def _fall(right: Evidence, wrong: Evidence, colours: Mapping[str, Noise], n: int) -> float:
-    true = right.fitted.noise
+def _fall(true_model: FittedCandidate, candidate: FittedCandidate, colours: Mapping[str, Noise], n: int) -> float:
+    true = true_model.fit.noise
     rows = n - ORDER
     deviance = sum(2.0 * rows * np.log(colours[o].deviation / true[o].deviation) for o in colours)
-    more = len(wrong.fitted.q) - len(right.fitted.q)
+    more = len(candidate.fit.q) - len(true_model.fit.q)
     more += sum(len(colours[o].coefficients) - len(true[o].coefficients) for o in colours)
     return float(deviance + more * np.log(rows * len(colours)))

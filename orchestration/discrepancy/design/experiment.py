@@ -1,8 +1,8 @@
-"""The experiment that would tell rivals apart: stimuli within the limits of a rig, and the evidence to expect of each.
+"""The experiment that discriminates between alternatives: stimuli within a rig's limits, and the evidence to expect.
 
 Each input has a menu of shapes between its limits. From the broadest excitation on, the shape of one input after the
-other is exchanged for the one that raises the least evidence over all pairs of rivals, either of them being true; the
-best few are then judged with the wrong model refitted for good.
+other is exchanged for the one that raises the least evidence over all pairs of alternatives, either of them
+being true; the best few are then judged with the wrong model refitted for good.
 """
 
 from __future__ import annotations
@@ -17,10 +17,18 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from fmus.kit.errors import UserError
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.design.expected_evidence import Response, at_rest, linearised, refitted, respond
+from orchestration.discrepancy.design.expected_evidence import (
+    Response,
+    at_rest,
+    expected_delta_bic,
+    expected_delta_bic_linear,
+    respond,
+)
 from orchestration.discrepancy.design.stimuli import Limits, Stimulus, limits_of_inputs, shapes_between
-from orchestration.discrepancy.selection.search import Data, Evidence, side_by_side
+from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.stepwise import Selection
 
 Array = NDArray[np.float64]
@@ -28,32 +36,32 @@ Experiment = dict[str, Stimulus]
 T = TypeVar("T")
 ENOUGH = 10.0  # fall of BIC below which an experiment is not worth its time
 _ROUNDS = 2  # of exchanging the shape of every input
-_JUDGED = 3  # experiments that are judged for good
-_RIVALS = 3  # of one step, the best, that are looked at
+_EVALUATED = 3  # experiments that are judged for good
+_ALTERNATIVES = 3  # of one step, the best, that are looked at
 _ABOUT = 0.02  # relative difference of evidence that is none
 _AMOUNTS = ("value", "levels", "initial")  # keys with the unit of the input
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExpectedEvidence:
     """Evidence to expect of an experiment.
 
     Attributes
     ----------
-    right, wrong : str
+    true_model, candidate : str
         Effects.
     bic : float
-        Expected fall of BIC in favour of the right one, if it is true and the other is refitted.
+        Expected fall of BIC in favour of the true one, if it is true and the other is refitted.
     """
 
-    right: str
-    wrong: str
+    true_model: str
+    candidate: str
     bic: float
 
 
 @dataclass(frozen=True)
-class Separation:
-    """An experiment that should tell rivals apart.
+class DiscriminatingExperiment:
+    """An experiment that should tell alternatives apart.
 
     Attributes
     ----------
@@ -61,10 +69,10 @@ class Separation:
         By input.
     duration, step : float
         Seconds.
-    expected : list of Expected
-        Of every ordered pair of rivals; empty if nothing was found yet that could be told apart.
-    model : Evidence
-        One of the rivals, for a simulation of the experiment.
+    expected : list of ExpectedEvidence
+        Of every ordered pair of alternatives; empty if nothing is known yet that could be told apart.
+    model : FittedCandidate
+        One of the alternatives, for a simulation of the experiment.
     limits : dict of str to tuple of float
         That were kept, by input, SI.
     """
@@ -72,8 +80,8 @@ class Separation:
     stimuli: dict[str, Stimulus]
     duration: float
     step: float
-    expected: list[Expected]
-    model: Evidence
+    expected: list[ExpectedEvidence]
+    model: FittedCandidate
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -82,58 +90,48 @@ class Separation:
         return min((e.bic for e in self.expected), default=float("nan"))
 
     @property
-    def separates(self) -> bool:
+    def is_worthwhile(self) -> bool:
         """Whether the experiment is worth making."""
         return not self.least < ENOUGH
 
     def as_json(self) -> dict[str, Any]:
         """Figures and stimuli."""
         return {
-            "duration": self.duration, "step": self.step, "separates": self.separates,
+            "duration": self.duration, "step": self.step, "separates": self.is_worthwhile,
             "inputs": {name: {"kind": s.kind, **s.keys} for name, s in self.stimuli.items()},
-            "expected": [{"right": e.right, "wrong": e.wrong, "delta_bic": e.bic} for e in self.expected],
+            "expected": [{"right": e.true_model, "wrong": e.candidate, "delta_bic": e.bic} for e in self.expected],
         }  # fmt: skip
 
-    def sentence(self) -> str:
-        """What is to be done, in one sentence."""
-        if not self.expected:
-            return "An experiment in which every input moves tells what can be told."
-        hardest = min(self.expected, key=lambda e: e.bic)
-        pair = f"{hardest.right} and {hardest.wrong}"
-        if self.separates:
-            return f"The experiment should tell {pair} apart: BIC would fall by {hardest.bic:.0f} or more."
-        return (
-            f"No experiment within these limits that was looked at tells {pair} apart: BIC would fall by "
-            f"{max(hardest.bic, 0.0):.1f} only."
-        )
-
-    def toml(self, component: str, title: str = "") -> str:
+    def toml(self, component: str, comment: str, title: str = "") -> str:
         """Write the experiment.
 
         Parameters
         ----------
         component : str
             As ``ppy run`` finds it.
+        comment : str
+            What it is for, in a line.
         title : str
 
         Returns
         -------
         str
-            It runs as it is, on the model of one of the rivals, as far as physics goes: effects of a measurement
+            It runs as it is, on the model of one of the alternatives, as far as physics goes: effects of a measurement
             cannot be laid over a component in an experiment and are left out.
         """
         declared = {v.name: v.unit for v in self.model.candidate.cls.layout.inputs}
         limits = "; ".join(f"{n} {low:g} to {high:g} {declared[n]}" for n, (low, high) in self.limits.items())
-        lines = [f"# {self.sentence()}", f"# Limits kept: {limits}.", *self._comments()]
+        lines = [f"# {comment}", f"# Limits kept: {limits}.", *self._comments()]
         physics = [effect for effect in self.model.candidate.effects if not effect.output]
         lines += [f"title = {_text(title or self._title())}", f"component = {_text(component)}"]
         lines += [f"effects = {_value([effect.id for effect in physics])}"] if physics else []
         lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
-        lines += [f"record = {_value(list(self.model.fitted.residual))}", "", "[parameters]"]
+        lines += [f"record = {_value(list(self.model.fit.residual))}", "", "[parameters]"]
+        starts = self.model.candidate.cls.layout.start_parameters
         shown = {p.name for effect in self.model.candidate.effects if effect.output for p in effect.layout.parameters}
         lines += [
-            f"{name} = {value!r}" for name, value in self.model.fitted.values.items()
-            if name not in shown and not name.endswith("_start")
+            f"{name} = {value!r}" for name, value in self.model.fit.values.items()
+            if name not in shown and name not in starts
         ]  # fmt: skip
         for name, stimulus in self.stimuli.items():
             lines += ["", f"[inputs.{name}]", f"kind = {_text(stimulus.kind)}"]
@@ -143,34 +141,34 @@ class Separation:
         return "\n".join(lines) + "\n"
 
     def _title(self) -> str:
-        names = list(dict.fromkeys(e.right for e in self.expected))
+        names = list(dict.fromkeys(e.true_model for e in self.expected))
         return f"Telling apart {', '.join(names)}" if names else "Every input moves"
 
     def _comments(self) -> list[str]:
         if not self.expected:
             return []
         head = "# Expected fall of BIC in the diagnosis, which fits to the first two thirds:"
-        rows = [f"#   if {e.right} is right, against {e.wrong} refitted: {e.bic:.1f}" for e in self.expected]
+        rows = [f"#   if {e.true_model} is right, against {e.candidate} refitted: {e.bic:.1f}" for e in self.expected]
         return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence."]
 
 
 # fits run side by side, and the matrices are narrow: a thread for each product would only wait for the others
 @threadpool_limits.wrap(limits=1)
 def design(
-    found: Selection,
-    data: Data,
+    selection: Selection,
+    data: Dataset,
     limits: Limits | None = None,
     highest: float = np.inf,
     duration: float | None = None,
     progress: Callable[[str], None] = lambda text: None,
-) -> Separation:
-    """Design an experiment that tells rivals apart.
+) -> DiscriminatingExperiment:
+    """Design an experiment that tells alternatives apart.
 
     Parameters
     ----------
-    found : Selection
-        Whose steps have rivals; without any, every input is moved and nothing is expected of it.
-    data : Data
+    selection : Selection
+        Whose steps have alternatives; without any, every input is moved and nothing is expected of it.
+    data : Dataset
         The whole record: its sampling and, unless given, its duration are those of the experiment.
     limits : Mapping of str to tuple of float, optional
         Of the rig by input, SI. Without them those that the component declares, and where it declares none what the
@@ -184,7 +182,7 @@ def design(
 
     Returns
     -------
-    Separation
+    DiscriminatingExperiment
 
     Raises
     ------
@@ -194,33 +192,33 @@ def design(
     step = float(np.median(np.diff(data.time)))
     length = float(data.time[-1] - data.time[0]) if duration is None else duration
     length = round(length / step) * step
-    within = limits_of_inputs(found.base, data, limits or {})
+    within = limits_of_inputs(selection.base, data, limits or {})
     shortest = max(2.0 * step, 0.5 / highest)
-    layout = {v.name: v for v in found.base.candidate.cls.layout.inputs}
+    layout = {v.name: v for v in selection.base.candidate.cls.layout.inputs}
     menus = {
         name: shapes_between(*ends, float(np.clip(layout[name].start, *ends)), length, step, shortest, seed)
         for seed, (name, ends) in enumerate(within.items(), start=1)
     }
     broad = {name: menu[0] for name, menu in menus.items()}
-    groups = [[s.chosen, *s.rivals[:_RIVALS]] for s in found.steps if s.rivals]
+    groups = [[s.chosen, *s.alternatives[:_ALTERNATIVES]] for s in selection.steps if s.alternatives]
     if not groups:
-        return Separation(broad, length, step, [], found.best, within)
+        return DiscriminatingExperiment(broad, length, step, [], selection.best, within)
     time = np.arange(round((1.0 - HELD_OUT) * length / step) + 1, dtype=float) * step  # what a diagnosis fits to
-    look, chosen = _Look(groups, time, progress), broad
+    search, chosen = _DesignSearch(groups, time, progress), broad
     for _ in range(_ROUNDS):
         before = chosen
         for name, menu in menus.items():
-            chosen = look.best([chosen, *({**chosen, name: new} for new in menu if new != chosen[name])])
+            chosen = search.best([chosen, *({**chosen, name: new} for new in menu if new != chosen[name])])
         if chosen == before:
             break
-    best, expected = look.judged(chosen)
-    return Separation(best, length, step, expected, groups[0][0], within)
+    best, expected = search.evaluated(chosen)
+    return DiscriminatingExperiment(best, length, step, expected, groups[0][0], within)
 
 
-class _Look:
-    """Experiments that were looked at, and what each makes one expect."""
+class _DesignSearch:
+    """Experiments that were tried, and what each makes one expect."""
 
-    def __init__(self, groups: Sequence[Sequence[Evidence]], time: Array, progress: Callable[[str], None]):
+    def __init__(self, groups: Sequence[Sequence[FittedCandidate]], time: Array, progress: Callable[[str], None]):
         self.pairs = [pair for group in groups for pair in permutations(group, 2)]
         models = {id(model): model for group in groups for model in group}
         self.starts = {key: (model, at_rest(model)) for key, model in models.items()}
@@ -232,31 +230,35 @@ class _Look:
         fresh = [trial for trial in trials if all(trial != seen for _, seen in self.seen)]
         self.seen += zip(side_by_side(self._least, fresh), fresh, strict=True)
         ranked = [next((least, seen) for least, seen in self.seen if seen == trial) for trial in trials]
-        return _foremost(ranked)
+        return _best_broadest(ranked)
 
     def _least(self, chosen: Experiment) -> float:
-        self.progress(f"looking at {', '.join(f'{s.kind} {n}' for n, s in chosen.items())}")
+        self.progress(f"trying {', '.join(f'{s.kind} {n}' for n, s in chosen.items())}")
         try:
             responses = self._responses(chosen)
         except UserError:
             return -np.inf
-        return min(linearised(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
+        return min(expected_delta_bic_linear(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
 
-    def judged(self, chosen: Experiment) -> tuple[Experiment, list[Expected]]:
+    def evaluated(self, chosen: Experiment) -> tuple[Experiment, list[ExpectedEvidence]]:
         """Return the chosen experiment, or one of the next best, by what is left after the wrong model is refitted."""
         others = sorted((row for row in self.seen if row[1] != chosen), key=lambda row: -row[0])
-        trials = [chosen, *(trial for least, trial in others[: _JUDGED - 1] if least > -np.inf)]
+        trials = [chosen, *(trial for least, trial in others[: _EVALUATED - 1] if least > -np.inf)]
         found = side_by_side(self._expected, trials)
         rows = [
             (min(e.bic for e in expected), (trial, expected)) for trial, expected in zip(trials, found, strict=True)
         ]
-        return _foremost(rows)
+        return _best_broadest(rows)
 
-    def _expected(self, chosen: Experiment) -> list[Expected]:
-        self.progress("refitting rivals over a designed experiment")
+    def _expected(self, chosen: Experiment) -> list[ExpectedEvidence]:
+        self.progress("refitting alternatives over a designed experiment")
         responses, inputs = self._responses(chosen), self._inputs(chosen)
         return [
-            Expected(a.last, b.last, refitted(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]))
+            ExpectedEvidence(
+                a.effect_name,
+                b.effect_name,
+                expected_delta_bic(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]),
+            )
             for a, b in self.pairs
         ]
 
@@ -268,7 +270,7 @@ class _Look:
         return {key: respond(model, self.time, inputs, q) for key, (model, q) in self.starts.items()}
 
 
-def _foremost(ranked: Sequence[tuple[float, T]]) -> T:
+def _best_broadest(ranked: Sequence[tuple[float, T]]) -> T:
     """Return the first that is about as good as the best: those before are broader, and tell of more."""
     best = max(value for value, _ in ranked)
     return next(item for value, item in ranked if value >= best - _ABOUT * abs(best) or value == best)

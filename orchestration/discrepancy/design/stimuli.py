@@ -10,17 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.selection.search import Data, Evidence
-from orchestration.experiment import waveforms as stimuli
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.experiment import waveforms
 
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 _STAYS = (600.0, 120.0, 25.0)  # shortest stays, as shares of the duration: what answers at once, what creeps
 _SHAPES: dict[str, Callable[..., Array]] = {
     "constant": lambda time, value: np.full(time.size, value),
-    "multilevel": lambda time, levels, dwell, seed: stimuli.multilevel(time, levels, dwell, seed),
-    "ramps": lambda time, times, levels: stimuli.ramps(time, times, levels),
-    "steps": lambda time, times, levels, initial: stimuli.steps(time, times, levels, initial),
+    "multilevel": lambda time, levels, dwell, seed: waveforms.multilevel(time, levels, dwell, seed),
+    "ramps": lambda time, times, levels: waveforms.ramps(time, times, levels),
+    "steps": lambda time, times, levels, initial: waveforms.steps(time, times, levels, initial),
 }
 
 
@@ -43,14 +44,14 @@ class Stimulus:
         return _SHAPES[self.kind](time, **self.keys)
 
 
-def limits_of_inputs(base: Evidence, data: Data, limits: Limits) -> dict[str, tuple[float, float]]:
+def limits_of_inputs(base: FittedCandidate, data: Dataset, limits: Limits) -> dict[str, tuple[float, float]]:
     """Limits of every real input: given and declared ones, else what the record shows.
 
     Parameters
     ----------
-    base : Evidence
+    base : FittedCandidate
         Its model declares the inputs.
-    data : Data
+    data : Dataset
     limits : Mapping of str to tuple of float
         Those that are given, by input, SI.
 

@@ -18,8 +18,9 @@ from scipy.stats import chi2, norm
 
 from fmus.kit import units
 from fmus.kit.units import shown, unit_of_differences
-from orchestration.discrepancy.report.wording import pretty
-from orchestration.discrepancy.selection.search import Data, Evidence
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.report.typography import pretty
 from orchestration.fmu.model import Model
 from orchestration.identify.metrics import rms
 from orchestration.identify.noise import Noise
@@ -46,18 +47,18 @@ _CLOSER = 8  # part of what is held out that is looked at closely
 
 
 @dataclass(frozen=True)
-class Run:
+class ShownModel:
     """A model that is shown beside the measurement.
 
     Attributes
     ----------
     label : {"nominal", "refitted", "extended"}
         With the values it came with; with all of them fitted; with what was found laid over it too.
-    evidence : Evidence
+    model : FittedCandidate
     """
 
     label: str
-    evidence: Evidence
+    model: FittedCandidate
 
     @property
     def colour(self) -> str:
@@ -66,7 +67,7 @@ class Run:
 
 
 def over_time(
-    model: Model, data: Data, runs: Sequence[Run], simulated: Mapping[str, Mapping[str, Array]],
+    model: Model, data: Dataset, runs: Sequence[ShownModel], simulated: Mapping[str, Mapping[str, Array]],
     parts: tuple[int, str, str] | None,
 ) -> tuple[dict[str, Any], str, dict[str, list[float] | None]]:  # fmt: skip
     """Measured and simulated outputs, what is between them, and the inputs, above one time axis.
@@ -75,8 +76,8 @@ def over_time(
     ----------
     model : Model
         For units.
-    data : Data
-    runs : sequence of Run
+    data : Dataset
+    runs : sequence of ShownModel
     simulated : Mapping
         Outputs, SI, by the label of the run and the name.
     parts : tuple of int, str and str, or None
@@ -135,8 +136,8 @@ def over_time(
 
 
 def of_residual(
-    unit: tuple[str, str], step: float, present: NDArray[np.bool_], noise: Noise, runs: Sequence[Run], output: str,
-    lines: Sequence[float],
+    unit: tuple[str, str], step: float, present: NDArray[np.bool_], noise: Noise, runs: Sequence[ShownModel],
+    output: str, lines: Sequence[float],
 ) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
     """Spectra of residuals, and autocorrelations of what the noise leaves of them.
 
@@ -150,7 +151,7 @@ def of_residual(
         Where something was measured; m of them.
     noise : Noise
         Of the best model.
-    runs : sequence of Run
+    runs : sequence of ShownModel
         The best one last.
     output : str
     lines : sequence of float
@@ -164,7 +165,7 @@ def of_residual(
     across, along = [], []
     count = 1
     for run in runs:
-        residual = units.convert(run.evidence.fitted.residual[output], *unit)
+        residual = units.convert(run.model.fit.residual[output], *unit)
         line = {"color": run.colour, "width": 1.5}
         frequency, density = spectrum(residual, step)
         across.append(Trace(run.label, frequency, density, line))

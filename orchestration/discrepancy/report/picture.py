@@ -3,50 +3,62 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fmus.kit import units
 from fmus.kit.units import unit_of_differences
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED
 from orchestration.discrepancy.report.wording import sentence
+from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import Model
 from orchestration.reporting import pictures
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def draw(found: Diagnosis, model: Model, path: Path) -> None:
-    """Draw the output that gained most, over the data that no fit has seen.
+
+def draw(diagnosis: Diagnosis, model: Model, path: Path | None = None) -> Figure:
+    """Draw the output that gained most, over the validation data.
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : Diagnosis
     model : Model
         For units.
-    path : Path
+    path : Path, optional
+        Picture to write.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
 
     Raises
     ------
     UserError
         If the file cannot be written.
     """
-    output = max(found.before, key=lambda o: found.before[o] - found.after[o])
-    signal, part = model.outputs[output], slice(found.unseen.first, None)
+    output = max(diagnosis.before, key=lambda o: diagnosis.before[o] - diagnosis.after[o])
+    signal, part = model.outputs[output], slice(diagnosis.validation.first, None)
     difference = unit_of_differences(signal)
-    data = found.unseen.data
+    data = diagnosis.validation.data
     time, measured = data.time[part], data.measured[output][part]
-    figure, (over, rest) = pictures.panels(2, sentence(found))
+    figure, (over, below) = pictures.panels(2, sentence(diagnosis))
     over.plot(
         time, units.convert(measured, signal.unit, signal.display), color=pictures.MEASURED, lw=3, label="measured"
     )
-    runs = [(REFITTED, found.selection.base, found.before)]
-    runs += [(EXTENDED, found.selection.best, found.after)] if found.selection.steps else []
-    for name, model_fitted, errors in runs:
-        simulated = found.unseen.simulated(model_fitted)[output][part]
+    runs = [(REFITTED, diagnosis.selection.base, diagnosis.before)]
+    runs += [(EXTENDED, diagnosis.selection.best, diagnosis.after)] if diagnosis.selection.steps else []
+    for name, fitted, errors in runs:
+        simulated = predict(diagnosis.validation, fitted).simulated[output][part]
         label = f"{name}: {100.0 * errors[output]:.1f} % error"
         over.plot(time, units.convert(simulated, signal.unit, signal.display), color=COLOURS[name], lw=1.2, label=label)
-        left = units.convert(measured - simulated, signal.unit, difference)
-        rest.plot(time, left, color=COLOURS[name], lw=1)
+        residual = units.convert(measured - simulated, signal.unit, difference)
+        below.plot(time, residual, color=COLOURS[name], lw=1)
     over.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
     pictures.label(over, output, signal.display)
-    pictures.label(rest, "residual", difference)
+    pictures.label(below, "residual", difference)
     over.margins(x=0.0)
-    pictures.save(figure, path)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure

@@ -1,60 +1,158 @@
-"""A diagnosis in words: the verdict in one sentence, what an effect does, and why one was not named."""
+"""The words of a diagnosis: sentences made of its codes, shared by the page, the terminal and JSON."""
 
 from __future__ import annotations
 
 import math
-import re
+from collections.abc import Mapping
+from typing import Any
 
-from fmus.kit import Effect
-from fmus.kit.units import Described, shown
-from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
+from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.residuals.analysis import Structure
+from orchestration.discrepancy.residuals.correlation import CrossCorrelation
+from orchestration.discrepancy.residuals.jumps import ExcessVariance
+from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
+from orchestration.discrepancy.residuals.random_walk import RandomWalkTest
 from orchestration.discrepancy.selection.stepwise import ACCEPT
-from orchestration.identify.grey_box import Estimate
-from orchestration.reporting.page import Markup, escaped
 
-_VAGUE = 1e4  # times its lower end, beyond which an interval tells nothing
-_SENTENCES = {
-    "consistent": "The model is consistent with the record: nothing is wrong beyond noise.",
-    "recalibrate": "The structure of the model is fine; parameters differ from nominal: {differing}.",
-    "cause": "What the model gets wrong: {causes}.",
-    "ambiguous": "Something is wrong that this record cannot tell apart: {causes}.",
-    "unexplained": "{beside} is left that nothing in the catalogue accounts for: {left}.",
+_VERDICTS = {
+    Verdict.CONSISTENT: "The model is consistent with the record: nothing is wrong beyond noise.",
+    Verdict.RECALIBRATE: "The structure of the model is fine; parameters differ from nominal: {changed}.",
+    Verdict.CAUSE: "What the model gets wrong: {causes}.",
+    Verdict.AMBIGUOUS: "Something is wrong that this record cannot tell apart: {causes}.",
+    Verdict.UNEXPLAINED: "{beside} is left that nothing in the catalogue accounts for: {unexplained}.",
 }
+_NOTES = {
+    NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
+    NoteCode.CLIPPED_REPEATEDLY: "cut off at its {end} {level:.6g}, {times} times, {share} of the samples",
+    NoteCode.STUCK: "stands still for up to {samples} samples in a row, {share} of the samples",
+    NoteCode.STUCK_WHILE_DRIVEN:
+        "stands still at {level:.6g} for {samples} samples in a row while inputs move, {share} of the samples",
+    NoteCode.DEAD_CONSTANT:
+        "constant at {level:.6g} while inputs move: a dead sensor, or nothing drives it; it is not used",
+    NoteCode.DEAD_TOGGLING:
+        "only toggles between neighbouring steps of {resolution:.4g} whatever the inputs do: it is not used",
+    NoteCode.DEAD_TO_THE_END: "stands still at {level:.6g} to the end: a dead sensor, {share} of the samples",
+    NoteCode.DEAD_WHILE_DRIVEN: "stands still at {level:.6g} to the end while inputs move, {share} of the samples",
+    NoteCode.OUTLIERS: "{count} single samples far from their neighbours",
+    NoteCode.QUANTISED: "steps of {resolution:.4g}, coarser than its noise: nothing finer can be judged",
+    NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
+    NoteCode.NOTHING_USABLE: "no output is left that could be trusted: nothing can be judged",
+    NoteCode.CONSTANT_INPUT:
+        "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and effects that need "
+        "them cannot be told apart",
+    NoteCode.NO_EXCITATION:
+        "no input moves: neither a cause nor a parameter can be judged, only how the record settles",
+    NoteCode.EXCITATION_BELOW_NOISE:
+        "no input moves by more than is lost in the noise of the outputs: nothing can be judged",
+    NoteCode.UNKNOWN_START:
+        "if it started at rest, say so, and it can be judged how it settled: --hold {parameters}",
+    NoteCode.ABSENT_INPUT:
+        "{record} has no {subject}: taken to be {value:g} {unit} throughout; --set {subject}=... says otherwise",
+    NoteCode.TOO_FEW_SAMPLES: "too few samples to say anything",
+    NoteCode.ENDS_EARLY: "ends at {time:.6g} s, long before the others, and is not used",
+    NoteCode.MANY_GAPS: "too little of it is without gaps to say anything",
+    NoteCode.NOT_IN_VALIDATION_DATA: "not in the record held out, so nothing of it is judged there",
+    NoteCode.NO_TRACE: "{subject} was not judged: it leaves no trace in what was measured",
+    NoteCode.UNIDENTIFIABLE: "{subject} was not judged: on this record other parameters do the same",
+    NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
+    NoteCode.NOT_VALIDATED: "fits the estimation data better, but not the part held out, and is not claimed",
+    NoteCode.CONFOUNDED: "much of what it does, others would do: {shares}",
+    NoteCode.IMPLAUSIBLE: "out of all reason: {ratios}; look at units, signs and columns first",
+    NoteCode.NO_GAIN:
+        "no gain is claimed: with what was named the part held out is likelier, given how uncertain the parameters "
+        "are, but the error there is not smaller in every output",
+    NoteCode.FMU_FAILED: "the extended FMU could not be run over the part held out: {reason}",
+    NoteCode.NO_EXPERIMENT: "no experiment could be designed: {reason}",
+}  # fmt: skip
 
 
-def sentence(found: Diagnosis) -> str:
+def sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
-    if found.verdict == "ambiguous" and not found.causes:
+    if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
-    left = []
-    for output, rest in found.left.items():
-        left += [f"a line at {line.frequency:.3g} Hz in {output}" for line in rest.lines[:1]]
-        left += [f"{len(rest.jumps)} {'jump' if len(rest.jumps) == 1 else 'jumps'} of {output}"] if rest.jumps else []
-        left += [text.replace("it ", f"{output} ", 1) for text in rest.texts[:1]]
-    left += [note for note in found.notes if note.startswith("out of all reason")]
-    words = {
-        "differing": ", ".join(found.differing), "causes": _causes(found),
-        "left": "; ".join(left), "beside": f"Beside {_causes(found)}, something" if found.causes else "Something",
-    }  # fmt: skip
-    return _SENTENCES[found.verdict].format(**words)
+    causes = _causes(diagnosis)
+    return _VERDICTS[diagnosis.verdict].format(
+        changed=", ".join(diagnosis.changed),
+        causes=causes,
+        beside=f"Beside {causes}, something" if causes else "Something",
+        unexplained="; ".join(_unexplained(diagnosis)),
+    )
 
 
-def _causes(found: Diagnosis) -> str:
+def _causes(diagnosis: Diagnosis) -> str:
     """Name the effects with what cannot be told apart from them, and which are much weaker than the first."""
-    steps = found.selection.steps
-    named = [" or ".join(e.last for e in (step.chosen, *step.rivals)) for step in steps]
-    strong = [name for name, step in zip(named, steps, strict=True) if step in found.selection.strong]
+    steps = diagnosis.selection.steps
+    named = [" or ".join(e.effect_name for e in (step.chosen, *step.alternatives)) for step in steps]
+    strong = [name for name, step in zip(named, steps, strict=True) if step in diagnosis.selection.strong]
     weak = [name for name in named if name not in strong]
     return "; ".join(strong) + (f"; and, much weaker, {', '.join(weak)}" if weak else "")
 
 
-def does(effect: type[Effect]) -> Markup:
-    """What an effect does, from the first line of its doc, and which assumption it relaxes."""
-    first = escaped((effect.__doc__ or "").strip().split("\n")[0].rstrip("."))
-    text = re.sub(r"``(.+?)``", r"<code>\1</code>", first)
-    about = effect.assumption
-    relaxes = f"assumption {about}" if isinstance(about, int) else escaped(about)
-    return Markup(text + (f"; relaxes {relaxes}" if relaxes else ""))
+def _unexplained(diagnosis: Diagnosis) -> list[str]:
+    """What tells most of what is unexplained, output by output."""
+    parts = []
+    for output, analysis in diagnosis.residuals.items():
+        parts += [f"a line at {line.frequency:.3g} Hz in {output}" for line in analysis.lines[:1]]
+        shifts = len(analysis.level_shifts)
+        parts += [f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}"] if shifts else []
+        parts += [structure(item, output) for item in analysis.structure[:1]]
+    return parts + [message(note) for note in diagnosis.notes if note.code is NoteCode.IMPLAUSIBLE]
+
+
+def message(note: Note) -> str:
+    """A note in one sentence."""
+    template = _NOTES[note.code]
+    text = template.format(subject=note.subject, **{name: _fact(name, value) for name, value in note.facts.items()})
+    text = f"{note.subject}: {text}" if note.subject and "{subject}" not in template else text
+    return f"in the record held out: {text}" if note.held_out else text
+
+
+def _fact(name: str, value: Any) -> Any:
+    """Return a fact as its sentence takes it."""
+    if name == "ratios":
+        return ", ".join(f"{parameter} times {ratio:.3g}" for parameter, ratio in value.items())
+    if name == "shares":
+        return ", ".join(f"{effect} ({100.0 * share:.0f} %)" for effect, share in value.items())
+    if name in ("share", "usable"):
+        return f"{100.0 * value:.2g} %"
+    return ",".join(value) if isinstance(value, tuple) else value
+
+
+def structure(item: Structure, output: str) -> str:
+    """What a residual of an output holds, in one line."""
+    if isinstance(item, RandomWalkTest):
+        return f"{output} wanders slowly"
+    if isinstance(item, ExcessVariance):
+        return f"{output} is worse where an input steps"
+    return region(item) if isinstance(item, OperatingRegion) else correlation(item)
+
+
+def region(item: OperatingRegion) -> str:
+    """Where a residual is larger than elsewhere."""
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    low, high = (f"{end:.3g}{unit}" for end in (item.low, item.high))
+    where = f"is above {low}" if math.isinf(item.high) else f"is below {high}"
+    if math.isfinite(item.low) and math.isfinite(item.high):
+        where = f"is between {low} and {high}"
+    return f"{item.output} is {item.rms_ratio:.1f}× worse where {item.signal} {where}"
+
+
+def most_telling(regions: list[OperatingRegion]) -> list[str]:
+    """Of every signal the region that tells most, if it is more than chance."""
+    first: dict[str, OperatingRegion] = {}
+    for item in regions:
+        if item.significant:
+            first.setdefault(item.signal, item)
+    return [region(item) for item in first.values()]
+
+
+def correlation(item: CrossCorrelation) -> str:
+    """With which signal a residual correlates, and when."""
+    when = f"{abs(item.lag):.3g} s {'later' if item.lag > 0 else 'earlier'}" if item.lag else "at once"
+    what = f"{item.output} correlates with {item.signal}"
+    return f"{what}: {item.strength:+.2f} {when} (99 % band ±{item.band:.2f})"
 
 
 def why_not(gains: list[float], named: str) -> str:
@@ -63,9 +161,9 @@ def why_not(gains: list[float], named: str) -> str:
     Parameters
     ----------
     gains : list of float
-        Fall of BIC that it brought, in the first look and in every later one.
+        Fall of BIC that it brought, in the first step and in every later one.
     named : str
-        What was found before the last look.
+        What was named before the last step.
     """
     if len(gains) > 1 and gains[0] > ACCEPT >= gains[-1]:
         return f"alone it lowers BIC by {gains[0]:.1f}; beside {named} it is not needed"
@@ -76,54 +174,20 @@ def why_not(gains: list[float], named: str) -> str:
     return "it explains less than its parameters cost"
 
 
-def probability(p: float) -> Markup:
-    """Return a small probability as people write it."""
-    if p >= 1e-3:
-        return Markup(f"{p:.2g}")
-    if p == 0.0:
-        return Markup("&lt; 10<sup>−300</sup>")
-    return pretty(f"{p:.1e}")
-
-
-def pretty(text: str) -> Markup:
-    """Return values with units as they are printed: 2·10⁶ N·s/m for ``2e+06 N*s/m``."""
-    text = escaped(text).replace("*", "·")
-    text = re.sub(
-        r"(?<=\d)e([+-])0*(\d+)", lambda m: f"·10<sup>{m[1].replace('+', '').replace('-', '−')}{m[2]}</sup>", text
+def experiment(design: DiscriminatingExperiment) -> str:
+    """What an experiment is for, in one sentence."""
+    if not design.expected:
+        return "An experiment in which every input moves tells what can be told."
+    hardest = min(design.expected, key=lambda e: e.bic)
+    pair = f"{hardest.true_model} and {hardest.candidate}"
+    if design.is_worthwhile:
+        return f"The experiment should tell {pair} apart: BIC would fall by {hardest.bic:.0f} or more."
+    return (
+        f"No experiment within these limits that was looked at tells {pair} apart: BIC would fall by "
+        f"{max(hardest.bic, 0.0):.1f} only."
     )
-    text = re.sub(r"(?<![\w.])-(?=\d)", "−", text)
-    return Markup(re.sub(r"\^([-−]?\d+)", lambda m: f"<sup>{m[1].replace('-', '−')}</sup>", text))
 
 
-def change(e: Estimate) -> str:
-    """By how much a value differs from nominal; nothing where that is zero."""
-    return pretty(f"{100.0 * (e.value / e.nominal - 1.0):+.1f} %") if e.nominal else ""
-
-
-def estimate(e: Estimate, declared: Described) -> tuple[Markup, Markup, Markup]:
-    """Value, ends of the interval and nominal value, with as many digits as the interval gives meaning to."""
-    half = 0.5 * (e.interval[1] - e.interval[0])
-    known = math.log10(abs(e.value) / half) if e.value and 0.0 < half < math.inf else 0.0
-    digits = min(max(math.ceil(known) + 2, 3), 8)
-    interval = "the record does not tell"
-    low, high = e.interval
-    if math.isfinite(low) and math.isfinite(high) and not 0.0 < _VAGUE * low < high:
-        unit = f" {declared.display or declared.unit}"
-        interval = " … ".join(shown(end, declared, digits).removesuffix(unit) for end in e.interval)
-    return pretty(shown(e.value, declared, digits)), pretty(interval), pretty(shown(e.nominal, declared))
-
-
-def details(found: Diagnosis) -> list[Markup]:
-    """What a verdict is about, in a few lines: what the effects do, or by how much parameters differ."""
-    lines = []
-    for step in found.selection.steps:
-        for evidence in (step.chosen, *step.rivals):
-            lines.append(Markup(f"<b>{escaped(evidence.last)}</b>: {does(evidence.effect)}"))
-    if found.verdict == "recalibrate":
-        for name in found.differing:
-            e, declared = found.estimates[name], found.selection.best.problem.declared[name]
-            value, _, nominal = estimate(e, declared)
-            more = f" ({change(e)})" if e.nominal else ""
-            text = f"<b>{escaped(name)}</b>: {value} instead of {nominal}{more}; {escaped(declared.doc)}"
-            lines.append(Markup(text))
-    return lines
+def codes(notes: list[Note]) -> list[Mapping[str, str]]:
+    """Notes as JSON has them: code, subject and sentence."""
+    return [{"code": str(note.code), "subject": note.subject, "message": message(note)} for note in notes]

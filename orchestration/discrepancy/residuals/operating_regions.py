@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f
 
-if TYPE_CHECKING:
-    from orchestration.discrepancy.residuals.correlation import Explaining
+from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
 
 Array = NDArray[np.float64]
 SIGNIFICANCE = 0.01  # false alarms of all lags of all signals, or of all bins of all signals, together
@@ -20,7 +18,7 @@ BINS = 8
 
 
 @dataclass(frozen=True)
-class Region:
+class OperatingRegion:
     """A range of a signal, and how large the residual is there.
 
     Attributes
@@ -36,7 +34,7 @@ class Region:
         Of the residual in the range.
     band : tuple of float
         Where 99 % of such figures lie if the residual is no different there.
-    times : float
+    rms_ratio : float
         That rms over the rms everywhere else.
     p_value : float
         Of so large a residual in any of the ranges of any signal.
@@ -50,7 +48,7 @@ class Region:
     samples: int
     rms: float
     band: tuple[float, float]
-    times: float
+    rms_ratio: float
     p_value: float
 
     @property
@@ -58,20 +56,10 @@ class Region:
         """Whether the residual is larger there than by chance among so many ranges."""
         return self.p_value < SIGNIFICANCE
 
-    @property
-    def text(self) -> str:
-        """It in one line."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        low, high = (f"{end:.3g}{unit}" for end in (self.low, self.high))
-        where = f"is above {low}" if np.isinf(self.high) else f"is below {high}"
-        if np.isfinite([self.low, self.high]).all():
-            where = f"is between {low} and {high}"
-        return f"{self.output} is {self.times:.1f}× worse where {self.signal} {where}"
 
-
-def regions(
-    output: str, residual: Array, present: NDArray[np.bool_], signals: Sequence[Explaining], bins: int = BINS
-) -> list[Region]:
+def operating_regions(
+    output: str, residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor], bins: int = BINS
+) -> list[OperatingRegion]:
     """Compare the residual in ranges of every signal, of equally many samples each, with the rest of the record.
 
     A coloured residual tells less than as many independent samples would: its square is correlated by the square of
@@ -82,8 +70,8 @@ def regions(
     output : str
     residual : ndarray, shape (m,)
     present : ndarray of bool, shape (n,)
-    signals : sequence of Explaining
-        Squares are passed over: what they would tell, the signals tell.
+    signals : sequence of Regressor
+        Squares are passed over: their ranges are those of the signals.
     bins : int
 
     Returns
@@ -93,11 +81,11 @@ def regions(
     """
     if residual.size < 2 * FEWEST:
         return []
-    wanted = [s for s in signals if not s.name.startswith("square of ")]
-    square, worth = residual**2, 1.0 / _repetition(residual)
+    wanted = [s for s in signals if s.kind is not RegressorKind.SQUARE]
+    square, worth = residual**2, 1.0 / _variance_inflation(residual)
     total, n = float(square.sum()), residual.size
     ranges = [(s, *part) for s in wanted for part in _ranges(s.values[present], bins)]
-    found: list[tuple[float, Region]] = []
+    ranked: list[tuple[float, OperatingRegion]] = []
     for signal, low, high, inside in ranges:
         count = int(inside.sum())
         if not FEWEST <= count <= n - FEWEST:
@@ -112,20 +100,9 @@ def regions(
         ends = np.sqrt(rest * f.ppf([0.005, 0.995], *freedom))
         p = min(1.0, float(np.exp(surprise)))
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
-        times = float(np.sqrt(ratio))
-        found.append(
-            (surprise, Region(output, signal.name, low, high, signal.unit, count, rms, band, times, p))
-        )  # fmt: skip
-    return [region for _, region in sorted(found, key=lambda pair: (pair[0], -pair[1].times))]
-
-
-def told(found: Sequence[Region]) -> list[str]:
-    """Lines for people: of every signal the region that tells most, if it is more than chance."""
-    first: dict[str, Region] = {}
-    for region in found:
-        if region.significant:
-            first.setdefault(region.signal, region)
-    return [region.text for region in first.values()]
+        ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(ratio)), p
+        ranked.append((surprise, OperatingRegion(output, signal.name, *ends_and_size)))
+    return [region for _, region in sorted(ranked, key=lambda pair: (pair[0], -pair[1].rms_ratio))]
 
 
 def _ranges(values: Array, bins: int) -> list[tuple[float, float, NDArray[np.bool_]]]:
@@ -137,7 +114,7 @@ def _ranges(values: Array, bins: int) -> list[tuple[float, float, NDArray[np.boo
     return [(float(ends[k]), float(ends[k + 1]), which == k) for k in range(ends.size - 1)]
 
 
-def _repetition(residual: Array) -> float:
+def _variance_inflation(residual: Array) -> float:
     """How many samples say as much about the size of a residual as an independent one would."""
     centred, n = residual - residual.mean(), residual.size
     power = np.abs(np.fft.rfft(centred, 2 * n)) ** 2

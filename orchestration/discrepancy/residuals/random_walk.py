@@ -1,4 +1,4 @@
-"""Slow structure that whitening swallows: whether a residual wanders beneath noise of short memory.
+"""Slow structure that whitening swallows: whether a residual holds a random walk beneath noise of short memory.
 
 The periodogram of the residual is held against two models of it (Whittle's likelihood, Ark. Mat. 2, 1953): a mixture of
 white and coloured noise that forgets within some tens of samples, and the same with a random walk and an integrated
@@ -16,7 +16,9 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 Array = NDArray[np.float64]
-ALARM = 1e-4  # probability in noise; where a residual wanders by its own size it is smaller by many orders of magnitude
+ALPHA = (
+    1e-4  # probability in noise; where a random walk is as large as the noise it is smaller by many orders of magnitude
+)
 _COLOURS = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95)  # lag-one correlations; the longest memory is 20 samples
 _INTEGRATIONS = (1, 2)
 _SINGLE = 32  # lowest frequencies that are looked at one by one; the others in groups, equally many in an octave
@@ -26,34 +28,34 @@ _PASSES = 60
 
 
 @dataclass(frozen=True)
-class Slow:
-    """Whether a residual wanders.
+class RandomWalkTest:
+    """A random walk in a residual, tested against noise of short memory.
 
     Attributes
     ----------
     ratio : float
-        Twice the logarithm of the likelihood ratio of noise that wanders to noise that does not.
+        Twice the logarithm of the likelihood ratio of noise with a random walk to noise without.
     p_value : float
-        Of such a ratio without any wandering.
+        Of such a ratio without any random walk.
     rms : float
         Of the slow part, in the unit of the residual.
-    path : ndarray, shape (n,)
+    trend : ndarray, shape (n,)
         The slow part, the best estimate of it (Wiener's filter).
     """
 
     ratio: float
     p_value: float
     rms: float
-    path: Array
+    trend: Array
 
     @property
     def significant(self) -> bool:
-        """Whether it wanders beyond doubt."""
-        return self.p_value < ALARM
+        """Whether there is one beyond doubt."""
+        return self.p_value < ALPHA
 
 
-def slow(residual: Array) -> Slow:
-    """Look for a slow part in a residual.
+def random_walk_test(residual: Array) -> RandomWalkTest:
+    """Test a residual for a random walk.
 
     Parameters
     ----------
@@ -62,10 +64,10 @@ def slow(residual: Array) -> Slow:
 
     Returns
     -------
-    Slow
+    RandomWalkTest
     """
     n = residual.size
-    nothing = Slow(0.0, 1.0, 0.0, np.zeros(n))
+    nothing = RandomWalkTest(0.0, 1.0, 0.0, np.zeros(n))
     centred = residual - residual.mean() if n else residual
     size = float(np.mean(centred**2)) if n else 0.0
     if n < _SHORTEST or not size > 0.0:
@@ -74,18 +76,18 @@ def slow(residual: Array) -> Slow:
     angle = 2.0 * np.pi * np.arange(transform.size) / n
     angle[0] = angle[1]  # the mean was taken out
     turn = np.exp(-1j * angle)
-    fast = np.array([(1.0 - c * c) / np.abs(1.0 - c * turn) ** 2 for c in _COLOURS])
-    wandering = np.array([np.abs((1.0 - turn[1]) / (1.0 - turn)) ** (2 * k) for k in _INTEGRATIONS])
+    ar_spectra = np.array([(1.0 - c * c) / np.abs(1.0 - c * turn) ** 2 for c in _COLOURS])
+    integrated_spectra = np.array([np.abs((1.0 - turn[1]) / (1.0 - turn)) ** (2 * k) for k in _INTEGRATIONS])
     edges, count = _groups(transform.size)
-    spectra = np.array([_averaged(s, edges, count) for s in (*fast, *wandering)]).T
+    spectra = np.array([_averaged(s, edges, count) for s in (*ar_spectra, *integrated_spectra)]).T
     power = _averaged(np.abs(transform) ** 2 / n / size, edges, count)
-    _, without = _weights(spectra[:, : len(fast)], power, count)
+    _, without = _weights(spectra[:, : len(ar_spectra)], power, count)
     weights, with_it = _weights(spectra, power, count)
     ratio = max(0.0, 2.0 * (without - with_it))
-    share = (weights[len(fast) :] @ wandering) / (weights @ np.vstack([fast, wandering]))
-    path = np.fft.irfft(transform * share, n)
+    share = (weights[len(ar_spectra) :] @ integrated_spectra) / (weights @ np.vstack([ar_spectra, integrated_spectra]))
+    trend = np.fft.irfft(transform * share, n)
     freedom = len(_INTEGRATIONS)
-    return Slow(ratio, float(chi2.sf(ratio, freedom)), float(np.sqrt(np.mean(path**2))), path)
+    return RandomWalkTest(ratio, float(chi2.sf(ratio, freedom)), float(np.sqrt(np.mean(trend**2))), trend)
 
 
 def _groups(size: int) -> tuple[NDArray[np.intp], Array]:

@@ -1,4 +1,4 @@
-"""What all signals together explain of a residual."""
+"""Regression of a residual on all signals together."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import t
 
-from orchestration.discrepancy.residuals.correlation import Explaining
 from orchestration.discrepancy.residuals.operating_regions import SIGNIFICANCE
+from orchestration.discrepancy.residuals.regressors import Regressor
 from orchestration.identify.noise import estimate
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ _FLAT = 1e-9  # relative curvature below which a direction counts as undetermine
 
 
 @dataclass(frozen=True)
-class Explained:
+class ResidualRegression:
     """What all signals together explain of a residual.
 
     Attributes
@@ -32,13 +32,13 @@ class Explained:
         Of what they take off the residual, in its unit.
     p_value : float
         Of so much in a residual that has nothing to do with them.
-    path : ndarray, shape (n,)
+    fitted : ndarray, shape (n,)
         What they explain, at every sample of the record.
     """
 
     rms: float
     p_value: float
-    path: Array
+    fitted: Array
 
     @property
     def significant(self) -> bool:
@@ -46,7 +46,7 @@ class Explained:
         return self.p_value < SIGNIFICANCE
 
 
-def explained(residual: Array, present: NDArray[np.bool_], signals: Sequence[Explaining]) -> Explained:
+def regress(residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor]) -> ResidualRegression:
     """Regress a residual on signals, their squares and cubes.
 
     Both are whitened by the colour of what the regression leaves: estimated from the residual itself the colour would
@@ -57,16 +57,16 @@ def explained(residual: Array, present: NDArray[np.bool_], signals: Sequence[Exp
     ----------
     residual : ndarray, shape (m,)
     present : ndarray of bool, shape (n,)
-    signals : sequence of Explaining
+    signals : sequence of Regressor
 
     Returns
     -------
-    Explained
+    ResidualRegression
     """
     columns = _powers([s.values for s in signals])
     n = residual.size
     if n < 5 * columns.shape[1] or not np.any(residual):
-        return Explained(0.0, 1.0, np.zeros(present.size))
+        return ResidualRegression(0.0, 1.0, np.zeros(present.size))
     rows = columns[present]
     score, weights = _regressed(residual, rows, present)
     noise, random = estimate(residual, present), np.random.default_rng(0)
@@ -74,11 +74,11 @@ def explained(residual: Array, present: NDArray[np.bool_], signals: Sequence[Exp
     for _ in range(max(_FEW_DRAWS, min(_DRAWS, _EFFORT // n))):
         white = random.standard_normal(n + _LEAD)
         drawn.append(_regressed(lfilter([1.0], [1.0, *-noise.coefficients], white)[_LEAD:], rows, present)[0])
-    surprise = (score - float(np.mean(drawn))) / float(np.std(drawn, ddof=1))
-    path = columns @ weights
+    t_statistic = (score - float(np.mean(drawn))) / float(np.std(drawn, ddof=1))
+    fitted = columns @ weights
     # a regression of innovations may follow every move and yet be far from the level
-    taken = float(np.mean(residual**2) - np.mean((residual - path[present]) ** 2))
-    return Explained(float(np.sqrt(max(taken, 0.0))), float(t.sf(surprise, len(drawn) - 1)), path)
+    taken = float(np.mean(residual**2) - np.mean((residual - fitted[present]) ** 2))
+    return ResidualRegression(float(np.sqrt(max(taken, 0.0))), float(t.sf(t_statistic, len(drawn) - 1)), fitted)
 
 
 def _regressed(residual: Array, rows: Array, present: NDArray[np.bool_]) -> tuple[float, Array]:

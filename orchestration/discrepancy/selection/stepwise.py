@@ -1,4 +1,4 @@
-"""Naming: one effect after another, as long as the record asks for more, and what cannot be told apart from it."""
+"""Forward selection: one effect after another while the evidence asks for more, with the alternatives to each."""
 
 from __future__ import annotations
 
@@ -8,21 +8,25 @@ from dataclasses import dataclass, field, replace
 from fmus.kit import Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.selection.search import Evidence, Origin, Prospect, Search, side_by_side
+from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel, ScreenedCandidate
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.parallel import side_by_side
+from orchestration.discrepancy.selection.scoring import confounding, score, screen, unidentifiable
+from orchestration.discrepancy.selection.search import Search
 
 ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
-RIVAL = 6.0  # within which another candidate counts as not told apart
-MINOR = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
-WEAK = 0.2  # of the evidence for the first effect, below which another is a lesser matter
+ALTERNATIVE = 6.0  # within which another candidate counts as not told apart
+NEGLIGIBLE = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
+SECONDARY = 0.2  # of the evidence for the first effect, below which another is a lesser matter
 MOST = 3  # effects that are looked for
 AT_ONCE = 2
-CONTENDS = 0.5  # of what the best gains, from which on it is worth making sure of a fit
-HOPELESS = 0.2  # of what another has gained already
+CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
+DOMINATED = 0.2  # of what another has gained already
 # A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
 # would add to that tells little. Where one held this close to nominal (in the logarithm) is this much less likely,
 # effects are looked at from both.
 NEAR_NOMINAL = 0.1
-STRAYED = 50.0
+OVERFITTED = 50.0
 
 
 @dataclass(frozen=True)
@@ -31,54 +35,54 @@ class Step:
 
     Attributes
     ----------
-    chosen : Evidence
+    chosen : FittedCandidate
     gain : float
         Fall of BIC against the step before, less the price of looking at many.
     p_value : float
         Corrected for their number.
-    rivals : list of Evidence
+    alternatives : list of FittedCandidate
         Candidates that cannot be told apart from it, the best first.
-    rejected : list of tuple of Evidence and float
+    rejected : list of tuple of FittedCandidate and float
         Others that were fitted, with their gain.
-    alike : dict of str to float
+    confounding : dict of str to float
         Share of what it does that other effects do too, by their label.
     """
 
-    chosen: Evidence
+    chosen: FittedCandidate
     gain: float
     p_value: float
-    rivals: list[Evidence]
-    rejected: list[tuple[Evidence, float]]
-    alike: dict[str, float] = field(default_factory=dict)
+    alternatives: list[FittedCandidate]
+    rejected: list[tuple[FittedCandidate, float]]
+    confounding: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What was found.
+    """Effects selected, and what was tried beside them.
 
     Attributes
     ----------
-    base : Evidence
+    base : FittedCandidate
         The model without effects, refitted.
     steps : list of Step
-    rejected : list of tuple of Evidence and float
+    rejected : list of tuple of FittedCandidate and float
         Candidates of the last look, which found nothing more, with their gain.
     tried : int
         Effects in the catalogue.
     """
 
-    base: Evidence
+    base: FittedCandidate
     steps: list[Step] = field(default_factory=list)
-    rejected: list[tuple[Evidence, float]] = field(default_factory=list)
+    rejected: list[tuple[FittedCandidate, float]] = field(default_factory=list)
     tried: int = 0
 
     @property
     def strong(self) -> list[Step]:
         """Steps for which there is not much less evidence than for the first."""
-        return [step for step in self.steps if step.gain >= WEAK * self.steps[0].gain]
+        return [step for step in self.steps if step.gain >= SECONDARY * self.steps[0].gain]
 
     @property
-    def best(self) -> Evidence:
+    def best(self) -> FittedCandidate:
         """The model with all that was found."""
         return self.steps[-1].chosen if self.steps else self.base
 
@@ -97,37 +101,40 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
     Selection
     """
     base, near = search.nominal(), search.nominal(NEAR_NOMINAL)
-    strayed = near.fitted.deviance - base.fitted.deviance > STRAYED
-    origins = [search.look(model, effects) for model in ([base, near] if strayed else [base])]
-    silent = search.silent(origins[0])
-    search.unjudged |= silent
-    found = Selection(base, tried=len(effects))
-    left = [effect for effect in effects if label(effect) not in silent]
-    while len(found.steps) < MOST:
-        below = found.best
-        ranked = _fitted(search, below, origins, left)
-        enough = max(ACCEPT, MINOR * found.steps[0].gain if found.steps else 0.0)
-        better = [row for row in ranked if row[1] > enough]
-        if not better:
-            found.rejected.extend(ranked)
+    overfitted = near.fit.deviance - base.fit.deviance > OVERFITTED
+    scored = [score(search, model, effects) for model in ([base, near] if overfitted else [base])]
+    silent = unidentifiable(scored[0])
+    search.not_assessed |= silent
+    selection = Selection(base, tried=len(effects))
+    remaining = [effect for effect in effects if label(effect) not in silent]
+    while len(selection.steps) < MOST:
+        below = selection.best
+        ranked = _fitted(search, below, scored, remaining)
+        threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].gain if selection.steps else 0.0)
+        if not ranked or not ranked[0][1] > threshold:
+            selection.rejected.extend(ranked)
             break
-        chosen, gain = better[0]
+        chosen, gain = ranked[0]
         effect = chosen.effect
         others = [row for row in ranked[1:] if not _interchangeable(row[0].effect, effect)]
-        rivals = [e for e, g in others if g > enough and gain - g < RIVAL]
-        rejected = [row for row in others if row[0] not in rivals]
+        alternatives = [e for e, g in others if g > threshold and gain - g < ALTERNATIVE]
+        rejected = [row for row in others if row[0] not in alternatives]
         named = {label(effect) for effect in chosen.candidate.effects}
-        left = [effect for effect in left if label(effect) not in named]
-        able = [origin for origin in origins if origin.seen.get(effect, (None, []))[1]]
-        nearest = min(able, key=lambda origin: _distance(origin.evidence, chosen))
-        alike = search.alike(nearest, effect, [other for other in left if not _interchangeable(other, effect)])
-        found.steps.append(Step(chosen, gain, chosen.p_value(below, found.tried), rivals, rejected, alike))
-        origins = [Origin(chosen, nearest.seen)]
-    for evidence, _ in [*((s.chosen, s.gain) for s in found.steps), *found.rejected]:
-        search.unjudged.pop(evidence.last, None)  # from elsewhere it could be fitted
-    named = {label(effect) for effect in found.best.candidate.effects}  # who was named beside another is no rival of it
-    steps = [replace(s, rivals=[e for e in s.rivals if e.last not in named]) for s in found.steps]
-    return replace(found, steps=steps)
+        remaining = [effect for effect in remaining if label(effect) not in named]
+        able = [model for model in scored if model.directions.get(effect, (None, []))[1]]
+        nearest = min(able, key=lambda model: _distance(model.model, chosen))
+        shares = confounding(nearest, effect, [other for other in remaining if not _interchangeable(other, effect)])
+        p_value = chosen.p_value(below, selection.tried)
+        selection.steps.append(Step(chosen, gain, p_value, alternatives, rejected, shares))
+        scored = [ScoredModel(chosen, nearest.directions)]
+    for fitted, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
+        search.not_assessed.pop(fitted.effect_name, None)  # from elsewhere it could be fitted
+    # what was named beside another is no alternative to it
+    named = {label(effect) for effect in selection.best.candidate.effects}
+    steps = [
+        replace(s, alternatives=[e for e in s.alternatives if e.effect_name not in named]) for s in selection.steps
+    ]
+    return replace(selection, steps=steps)
 
 
 def _interchangeable(one: type[Effect], other: type[Effect]) -> bool:
@@ -136,40 +143,42 @@ def _interchangeable(one: type[Effect], other: type[Effect]) -> bool:
     return kinds[0] == kinds[1]
 
 
-def _distance(one: Evidence, other: Evidence) -> float:
+def _distance(one: FittedCandidate, other: FittedCandidate) -> float:
     """How far apart two models are in the parameters that both have."""
     shared = [n for n in one.problem.names if n in other.problem.names]  # in order: a sum must not hang on hashes
-    pairs = [(e.fitted.q[e.problem.names.index(n)] for e in (one, other)) for n in shared]
+    pairs = [(e.fit.q[e.problem.names.index(n)] for e in (one, other)) for n in shared]
     return float(sum((a - b) ** 2 for a, b in pairs))
 
 
 def _fitted(
-    search: Search, below: Evidence, origins: Sequence[Origin], effects: Sequence[type[Effect]]
-) -> list[tuple[Evidence, float]]:
-    """Promising effects over a model, fitted from every origin, the best first."""
-    best: dict[type[Effect], Evidence] = {}
-    for origin in origins:
-        prospects = search.prospects(origin, effects)
-        while prospects:
+    search: Search, below: FittedCandidate, scored: Sequence[ScoredModel], effects: Sequence[type[Effect]]
+) -> list[tuple[FittedCandidate, float]]:
+    """Promising effects over a model, fitted from every model that was scored, the best first."""
+    best: dict[type[Effect], FittedCandidate] = {}
+    for origin in scored:
+        candidates = screen(origin, effects)
+        while candidates:
             # what the best of them gains tells which of the others still has a chance
-            batch, prospects = prospects[:AT_ONCE], prospects[AT_ONCE:]
-            for found in filter(None, side_by_side(lambda prospect: _tried(search, below, prospect), batch)):
-                effect = found.effect
-                best[effect] = min(best.get(effect, found), found, key=lambda e: e.fitted.bic)
-            gained = max((origin.evidence.fitted.deviance - e.fitted.deviance for e in best.values()), default=0.0)
-            prospects = [prospect for prospect in prospects if prospect.outlook.fall > HOPELESS * gained]
-    gains = {effect: below.fitted.bic - e.fitted.bic for effect, e in best.items()}
-    contenders = [effect for effect, gain in gains.items() if gain > CONTENDS * max(0.0, *gains.values())]
-    best |= zip(contenders, side_by_side(lambda effect: search.surer(best[effect]), contenders), strict=True)
-    return sorted(((e, e.over(below, len(effects))) for e in best.values()), key=lambda row: -row[1])
+            batch, candidates = candidates[:AT_ONCE], candidates[AT_ONCE:]
+            for fitted in filter(None, side_by_side(lambda candidate: _tried(search, below, candidate), batch)):
+                effect = fitted.effect
+                best[effect] = min(best.get(effect, fitted), fitted, key=lambda e: e.fit.bic)
+            gained = max((origin.model.fit.deviance - e.fit.deviance for e in best.values()), default=0.0)
+            candidates = [c for c in candidates if c.predicted.fall > DOMINATED * gained]
+    gains = {effect: below.fit.bic - e.fit.bic for effect, e in best.items()}
+    contenders = [effect for effect, gain in gains.items() if gain > CONTENDER * max(0.0, *gains.values())]
+    best |= zip(contenders, side_by_side(lambda effect: search.refine(best[effect]), contenders), strict=True)
+    return sorted(((e, e.delta_bic(below, len(effects))) for e in best.values()), key=lambda row: -row[1])
 
 
-def _tried(search: Search, below: Evidence, prospect: Prospect) -> Evidence | None:
+def _tried(search: Search, below: FittedCandidate, screened: ScreenedCandidate) -> FittedCandidate | None:
     try:
-        found = search.extended(prospect)
-        if found.fitted.deviance > below.fitted.deviance:  # it contains that model, so the search was lost
-            found = search.extended(replace(prospect, over=below, outlook=prospect.outlook.still()))
+        fitted = search.fit_extended(screened)
+        if fitted.fit.deviance > below.fit.deviance:  # it contains that model, so the search was lost
+            at_rest = screened.predicted.without_step()
+            fitted = search.fit_extended(replace(screened, below=below, predicted=at_rest))
     except UserError as error:
-        search.unjudged[label(prospect.effect)] = str(error)
+        name = label(screened.effect)
+        search.not_assessed[name] = Note(NoteCode.NOT_SIMULATED, name, {"reason": str(error)})
         return None
-    return found
+    return fitted

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.systems.member import Alone, Spent
+from orchestration.discrepancy.systems.member import BudgetExceeded, MemberSimulation
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.signal import read_signal
 from orchestration.identify.levenberg_marquardt import minimise
@@ -30,7 +30,7 @@ _ALIKE = 1e-6  # of the effect of a parameter that is left when others have thei
 
 
 @dataclass(frozen=True)
-class Adjusted:
+class AdjustmentResult:
     """Parameters that were adjusted.
 
     Attributes
@@ -72,12 +72,12 @@ class _Point:
     jacobian: Array | None = None
 
 
-def adjust(alone: Alone, simulated: Mapping[str, Array], most: int, views: bool = True) -> Adjusted:
+def adjust(alone: MemberSimulation, simulated: Mapping[str, Array], most: int, views: bool = True) -> AdjustmentResult:
     """Adjust the few parameters that help most.
 
     Parameters
     ----------
-    alone : Alone
+    alone : MemberSimulation
         Its choice of inputs that are held may change.
     simulated : Mapping of str to ndarray, shape (n,)
         With the parameters as they are.
@@ -89,7 +89,7 @@ def adjust(alone: Alone, simulated: Mapping[str, Array], most: int, views: bool 
 
     Returns
     -------
-    Adjusted
+    AdjustmentResult
     """
     search, whole, held = _Search(alone, simulated), True, set(alone.held)
     try:
@@ -105,7 +105,7 @@ def adjust(alone: Alone, simulated: Mapping[str, Array], most: int, views: bool 
                 search.fit(before.q)
                 if search.best.cost >= _BETTER * before.cost:
                     search.best, alone.held = before, held
-    except Spent:
+    except BudgetExceeded:
         whole = False
         if not np.isfinite(search.best.cost) and search.names:
             search.best = _Point(np.inf, search.start)
@@ -114,13 +114,13 @@ def adjust(alone: Alone, simulated: Mapping[str, Array], most: int, views: bool 
     q, spread = search.best.q, search.spread()
     nominal = {n: search.declared[n].start for n in search.names}
     moved, error = ({n: float(x) for n, x in zip(search.names, v, strict=True)} for v in (q - search.start, spread))
-    return Adjusted(search.values(q), nominal, moved, error, whole)
+    return AdjustmentResult(search.values(q), nominal, moved, error, whole)
 
 
 class _Search:
     """Parameters in coordinates in which a step of one is large, and residuals in widths of what they are at first."""
 
-    def __init__(self, alone: Alone, simulated: Mapping[str, Array]):
+    def __init__(self, alone: MemberSimulation, simulated: Mapping[str, Array]):
         member = alone.cut.member
         self.alone, self.present = alone, {o: np.isfinite(y) for o, y in alone.cut.outputs.items()}
         described = read_description(member.fmu).modelVariables

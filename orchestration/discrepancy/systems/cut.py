@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Fed:
+class InputSource:
     """What an input of a member gets while it is judged.
 
     Attributes
@@ -45,13 +45,13 @@ class Fed:
 
 
 @dataclass(frozen=True)
-class Cut:
+class IsolatedMember:
     """A member by itself.
 
     Attributes
     ----------
     member : Member
-    inputs : dict of str to Fed
+    inputs : dict of str to InputSource
     outputs : dict of str to ndarray, shape (n,)
         What was measured of its real outputs, in their units; NaN where nothing was.
     missing : dict of str to str
@@ -59,7 +59,7 @@ class Cut:
     """
 
     member: Member
-    inputs: dict[str, Fed]
+    inputs: dict[str, InputSource]
     outputs: dict[str, Array]
     missing: dict[str, str]
 
@@ -144,7 +144,7 @@ def _unit(system: System, port: Port) -> str:
     return (model.outputs.get(port.variable) or model.inputs[port.variable]).unit
 
 
-def cut(system: System, measured: Mapping[Port, Array], given: Mapping[Port, float]) -> list[Cut]:
+def cut(system: System, measured: Mapping[Port, Array], given: Mapping[Port, float]) -> list[IsolatedMember]:
     """Cut a system open at its measured signals.
 
     Parameters
@@ -169,24 +169,26 @@ def cut(system: System, measured: Mapping[Port, Array], given: Mapping[Port, flo
     return [_alone(system, member, everywhere, given) for member in system.members]
 
 
-def _alone(system: System, member: Member, measured: Mapping[Port, Array], given: Mapping[Port, float]) -> Cut:
+def _alone(
+    system: System, member: Member, measured: Mapping[Port, Array], given: Mapping[Port, float]
+) -> IsolatedMember:
     model = interface(member)
     arriving = {c.target: c for c in system.connections}
     outer = {port: name for name, ports in system.inputs.items() for port in ports}
-    inputs, missing = dict[str, Fed](), dict[str, str]()
+    inputs, missing = dict[str, InputSource](), dict[str, str]()
     for name, signal in model.inputs.items():
         port = Port(member.name, name)
         connection, smooth = arriving.get(port), signal.type == "real"
         if port in measured:
-            found = Fed("measured", measured[port], smooth=smooth)
+            found = InputSource("measured", measured[port], smooth=smooth)
         elif connection is not None and connection.source in measured:
             values = connection.factor * measured[connection.source] + connection.offset
-            found = Fed(str(connection.source), values, smooth=smooth)
+            found = InputSource(str(connection.source), values, smooth=smooth)
         elif port in given:
-            found = Fed("setting", value=given[port])
+            found = InputSource("setting", value=given[port])
         elif connection is None and port not in outer:
             value = member.parameters.get(name, signal.start)
-            found = Fed("value in the system", value=float(value))
+            found = InputSource("value in the system", value=float(value))
         else:
             missing[name] = str(connection.source) if connection else outer[port]
             continue
@@ -196,4 +198,4 @@ def _alone(system: System, member: Member, measured: Mapping[Port, Array], given
         inputs[name] = found
     real = [name for name, signal in model.outputs.items() if signal.type == "real"]
     outputs = {name: measured[p] for name in real if (p := Port(member.name, name)) in measured}
-    return Cut(member, inputs, {n: y for n, y in outputs.items() if np.isfinite(y).any()}, missing)
+    return IsolatedMember(member, inputs, {n: y for n, y in outputs.items() if np.isfinite(y).any()}, missing)

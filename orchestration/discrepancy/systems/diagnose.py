@@ -17,15 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.residuals.correlation import associations, explaining
+from orchestration.discrepancy.residuals.correlation import cross_correlations, regressors
 from orchestration.discrepancy.residuals.operating_regions import regions
 from orchestration.discrepancy.residuals.random_walk import slow
 from orchestration.discrepancy.residuals.regression import explained
-from orchestration.discrepancy.systems.adjust import Adjusted, adjust
-from orchestration.discrepancy.systems.cut import Cut, cut, read
+from orchestration.discrepancy.systems.adjust import AdjustmentResult, adjust
+from orchestration.discrepancy.systems.cut import IsolatedMember, cut, read
 from orchestration.discrepancy.systems.in_loop import InLoop, Partner
-from orchestration.discrepancy.systems.member import Alone, floor, opened
-from orchestration.discrepancy.systems.verdict import Changed, Judged, MemberDiagnosis, SystemDiagnosis, verdict_of
+from orchestration.discrepancy.systems.member import MemberSimulation, floor, opened
+from orchestration.discrepancy.systems.verdict import (
+    AdjustedParameter,
+    MemberDiagnosis,
+    OutputAssessment,
+    SystemDiagnosis,
+    verdict_of,
+)
 from orchestration.fmu.archive import read_description
 from orchestration.identify.metrics import fit_percent, rms, whiteness
 from orchestration.identify.noise import estimate
@@ -124,7 +130,7 @@ def judge(
     cuts = {c.member.name: c for c in cut(system, measured, given)}
     with ExitStack() as stack:
         found: dict[str, MemberDiagnosis] = {}
-        work: dict[str, Alone] = {}
+        work: dict[str, MemberSimulation] = {}
         for name, part in cuts.items():
             if part.obstacle:
                 found[name] = _named(part, "cannot be judged", part.obstacle)
@@ -168,7 +174,7 @@ def _looped(system: System, name: str) -> list[str]:
 
 
 def _partners(
-    system: System, name: str, work: Mapping[str, Alone], found: Mapping[str, MemberDiagnosis]
+    system: System, name: str, work: Mapping[str, MemberSimulation], found: Mapping[str, MemberDiagnosis]
 ) -> list[Partner]:
     """Partners of a member, if all of them follow what they are fed and were measured where they feed it."""
     others = _looped(system, name)
@@ -191,12 +197,12 @@ def _between(source: str, target: str, name: str, partners: Sequence[Partner]) -
     return (source == name and target in others) or (target == name and source in others)
 
 
-def _named(part: Cut, verdict: str, why: str) -> MemberDiagnosis:
+def _named(part: IsolatedMember, verdict: str, why: str) -> MemberDiagnosis:
     member = part.member
     return MemberDiagnosis(member.name, member.fmu.name, read_description(member.fmu).modelName, verdict, why)
 
 
-def _judge(alone: Alone, effort: Effort, looped: Sequence[str] = ()) -> MemberDiagnosis:
+def _judge(alone: MemberSimulation, effort: Effort, looped: Sequence[str] = ()) -> MemberDiagnosis:
     """Judge a member; where an output of one that has partners says nothing, parameters are left for later."""
     alone.choose_holding({})
     before = _outputs(alone, {})
@@ -224,13 +230,13 @@ def _judge(alone: Alone, effort: Effort, looped: Sequence[str] = ()) -> MemberDi
     )  # fmt: skip
 
 
-def _outputs(alone: Alone, values: Mapping[str, float]) -> dict[str, Judged]:
+def _outputs(alone: MemberSimulation, values: Mapping[str, float]) -> dict[str, OutputAssessment]:
     simulated = alone.simulate(values)
     doubt = alone.doubt(simulated, values)
     inputs = {n: f.values for n, f in alone.cut.inputs.items() if f.values is not None}
     model = interface(alone.cut.member)
     units = {n: s.unit for n, s in (*model.inputs.items(), *model.outputs.items())}
-    signals = explaining(alone.time, inputs, simulated, simulated, units)
+    signals = regressors(alone.time, inputs, simulated, simulated, units)
     plain = [s for s in signals if not s.name.startswith("square of ")]  # a regression takes powers itself
     step = float(np.median(np.diff(alone.time)))
     judged = {}
@@ -238,20 +244,20 @@ def _outputs(alone: Alone, values: Mapping[str, float]) -> dict[str, Judged]:
         present = np.isfinite(y)
         residual = (simulated[output] - y)[present]
         tested = whiteness(residual) if residual.size >= _TESTED else None
-        judged[output] = Judged(
+        judged[output] = OutputAssessment(
             y, simulated[output], units[output], fit_percent(y, simulated[output]), rms(residual), floor(residual),
             doubt[output], tested, explained(residual, present, plain), slow(residual),
-            associations(output, residual, present, estimate(residual, present), signals, step),
+            cross_correlations(output, residual, present, estimate(residual, present), signals, step),
             regions(output, residual, present, signals),
         )  # fmt: skip
     return judged
 
 
-def _changed(alone: Alone, adjusted: Adjusted) -> dict[str, Changed]:
+def _changed(alone: MemberSimulation, adjusted: AdjustmentResult) -> dict[str, AdjustedParameter]:
     parameters = interface(alone.cut.member).parameters
     found = {}
     for name, value in adjusted.values.items():
         moved, error = abs(adjusted.moved[name]), adjusted.error[name]
         differs = moved > _NOTICED and moved > _DIFFERS * error
-        found[name] = Changed(value, adjusted.nominal[name], parameters[name].unit, differs)
+        found[name] = AdjustedParameter(value, adjusted.nominal[name], parameters[name].unit, differs)
     return found

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.systems.member import Alone, Spent, floor
+from orchestration.discrepancy.systems.member import BudgetExceeded, MemberSimulation, floor
 from orchestration.fmu.instance import Fmu
 from orchestration.system.model import Connection
 
@@ -32,17 +32,17 @@ class Partner:
 
     Attributes
     ----------
-    alone : Alone
+    alone : MemberSimulation
     values : dict of str to float
         Its parameters.
     """
 
-    alone: Alone
+    alone: MemberSimulation
     values: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass
-class InLoop(Alone):
+class InLoop(MemberSimulation):
     """A member that is simulated together with its partners.
 
     Attributes
@@ -59,7 +59,7 @@ class InLoop(Alone):
     parts: int = 2
 
     def doubt(self, simulated: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, float]:
-        """How uncertain outputs are, see `Alone.doubt`; here also because partners meet in steps."""
+        """How uncertain outputs are, see `MemberSimulation.doubt`; here also because partners meet in steps."""
         found = super().doubt(simulated, values)
         self.parts //= 2
         coarse = self.simulate(values)
@@ -81,9 +81,9 @@ class InLoop(Alone):
     def simulate(
         self, values: Mapping[str, float], every: int = 1, disturbed: np.random.Generator | None = None
     ) -> dict[str, Array]:
-        """Simulate, see `Alone.simulate`; ``every`` thins out what is measured of the partners."""
+        """Simulate, see `MemberSimulation.simulate`; ``every`` thins out what is measured of the partners."""
         if self.made >= self.most:
-            raise Spent
+            raise BudgetExceeded
         self.made += 1
         self.tell(self.made)
         outputs = self.shown
@@ -132,7 +132,7 @@ class InLoop(Alone):
 class _Running:
     """An instance in the loop: a row of all its driven inputs, a row of its outputs."""
 
-    def __init__(self, alone: Alone, values: Mapping[str, float], stack: ExitStack):
+    def __init__(self, alone: MemberSimulation, values: Mapping[str, float], stack: ExitStack):
         cut = alone.cut
         self.name, self.inputs = cut.member.name, [n for n, f in cut.inputs.items() if f.values is not None]
         self.columns = [f.values for f in cut.inputs.values() if f.values is not None]

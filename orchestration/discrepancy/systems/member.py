@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.systems.cut import Cut
-from orchestration.fmu.instance import Fmu, unpack
+from orchestration.discrepancy.systems.cut import IsolatedMember
+from orchestration.fmu.archive import unpack
+from orchestration.fmu.instance import Fmu
 from orchestration.system.check import interface
 
 Array = NDArray[np.float64]
@@ -28,17 +29,17 @@ def floor(values: Array) -> float:
     return float(np.median(np.abs(bends)) / norm.ppf(0.75) / np.sqrt(6.0)) if bends.size else 0.0
 
 
-class Spent(Exception):
+class BudgetExceeded(Exception):
     """There are no more simulations to make."""
 
 
 @dataclass
-class Alone:
+class MemberSimulation:
     """A member that is simulated over a record.
 
     Attributes
     ----------
-    cut : Cut
+    cut : IsolatedMember
     time : ndarray, shape (n,)
     folder : str
         Where its FMU is unzipped.
@@ -52,7 +53,7 @@ class Alone:
         Simulations so far.
     """
 
-    cut: Cut
+    cut: IsolatedMember
     time: Array
     folder: str
     most: int
@@ -80,13 +81,13 @@ class Alone:
 
         Raises
         ------
-        Spent
+        BudgetExceeded
             If there is no simulation left.
         UserError
             If the FMU fails.
         """
         if self.made >= self.most:
-            raise Spent
+            raise BudgetExceeded
         self.made += 1
         self.tell(self.made)
         outputs = self.shown
@@ -177,10 +178,10 @@ class Alone:
 
 
 @contextmanager
-def opened(cut: Cut, time: Array, most: int, tell: Callable[[int], None]) -> Iterator[Alone]:
+def opened(cut: IsolatedMember, time: Array, most: int, tell: Callable[[int], None]) -> Iterator[MemberSimulation]:
     """Unzip the FMU of a member for as long as it is simulated."""
     folder = unpack(cut.member.fmu)
     try:
-        yield Alone(cut, time, folder, most, tell)
+        yield MemberSimulation(cut, time, folder, most, tell)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.residuals.correlation import Association
-from orchestration.discrepancy.residuals.operating_regions import Region
-from orchestration.discrepancy.residuals.random_walk import Slow
-from orchestration.discrepancy.residuals.regression import Explained
-from orchestration.discrepancy.systems.adjust import Adjusted
+from orchestration.discrepancy.residuals.correlation import CrossCorrelation
+from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
+from orchestration.discrepancy.residuals.random_walk import RandomWalkTest
+from orchestration.discrepancy.residuals.regression import ResidualRegression
+from orchestration.discrepancy.systems.adjust import AdjustmentResult
 from orchestration.identify.metrics import Whiteness, number
 from orchestration.records import Record
 
@@ -25,7 +25,7 @@ _UNMOVED = 1.5  # noise widths below which an output has not moved
 
 
 @dataclass(frozen=True)
-class Judged:
+class OutputAssessment:
     """One output of one member, simulated and measured.
 
     Attributes
@@ -40,11 +40,11 @@ class Judged:
         What noise of the inputs, and their course between samples, can do to the output: rms.
     whiteness : Whiteness or None
         None if there are too few samples to test.
-    explained : Explained
+    explained : ResidualRegression
         Of the residual, by the member's inputs and outputs.
-    slow : Slow
-    associations : list of Association
-    regions : list of Region
+    slow : RandomWalkTest
+    associations : list of CrossCorrelation
+    regions : list of OperatingRegion
     """
 
     measured: Array
@@ -55,10 +55,10 @@ class Judged:
     noise: float
     doubt: float
     whiteness: Whiteness | None
-    explained: Explained
-    slow: Slow
-    associations: list[Association]
-    regions: list[Region]
+    explained: ResidualRegression
+    slow: RandomWalkTest
+    cross_correlations: list[CrossCorrelation]
+    regions: list[OperatingRegion]
 
     @property
     def lost(self) -> bool:
@@ -85,7 +85,7 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class Changed:
+class AdjustedParameter:
     """A parameter that was adjusted, in the FMU's unit.
 
     Attributes
@@ -115,9 +115,9 @@ class MemberDiagnosis:
         In words.
     fed : dict of str to str
         Where each input is from, and whether it is held or changes linearly between samples.
-    before, after : dict of str to Judged
+    before, after : dict of str to OutputAssessment
         By output; ``after`` with the adjusted parameters, empty if none were.
-    parameters : dict of str to Changed
+    parameters : dict of str to AdjustedParameter
     simulations : int
     signals : dict of str to str
         Measured inputs and outputs of the FMU, and what each is called in the system.
@@ -129,9 +129,9 @@ class MemberDiagnosis:
     verdict: str
     why: str
     fed: dict[str, str] = field(default_factory=dict)
-    before: dict[str, Judged] = field(default_factory=dict)
-    after: dict[str, Judged] = field(default_factory=dict)
-    parameters: dict[str, Changed] = field(default_factory=dict)
+    before: dict[str, OutputAssessment] = field(default_factory=dict)
+    after: dict[str, OutputAssessment] = field(default_factory=dict)
+    parameters: dict[str, AdjustedParameter] = field(default_factory=dict)
     simulations: int = 0
     signals: dict[str, str] = field(default_factory=dict)
 
@@ -143,7 +143,7 @@ class MemberDiagnosis:
         return self.model in COMPONENTS
 
     @property
-    def final(self) -> dict[str, Judged]:
+    def final(self) -> dict[str, OutputAssessment]:
         """The last judgement of every output."""
         return self.after or self.before
 
@@ -204,17 +204,17 @@ def _output_json(m: MemberDiagnosis, output: str) -> dict[str, Any]:
 
 
 def verdict_of(
-    before: Mapping[str, Judged], after: Mapping[str, Judged] | None, changed: Mapping[str, Changed],
-    adjusted: Adjusted | None,
+    before: Mapping[str, OutputAssessment], after: Mapping[str, OutputAssessment] | None, changed: Mapping[str, AdjustedParameter],
+    adjusted: AdjustmentResult | None,
 ) -> tuple[str, str]:  # fmt: skip
     """Tell the verdict and why.
 
     Parameters
     ----------
-    before, after : Mapping of str to Judged
+    before, after : Mapping of str to OutputAssessment
         By output; ``after`` with the adjusted parameters, None if none were.
-    changed : Mapping of str to Changed
-    adjusted : Adjusted, optional
+    changed : Mapping of str to AdjustedParameter
+    adjusted : AdjustmentResult, optional
 
     Returns
     -------
@@ -237,9 +237,9 @@ def verdict_of(
         tried = ", whatever its parameters" if adjusted and adjusted.values else ""
         short = " (the search for parameters was cut short)" if adjusted and not adjusted.whole else ""
         return "wrong", f"{left}{tried}{short}" + (f"; {cause}" if cause else "") + aside
-    differing = [n for n, c in changed.items() if c.differs]
-    if differing:
-        pairs = [(n, changed[n]) for n in differing]
+    significantly_changed = [n for n, c in changed.items() if c.differs]
+    if significantly_changed:
+        pairs = [(n, changed[n]) for n in significantly_changed]
         told = ", ".join(f"{n} is {c.value:.4g} {c.unit} instead of {c.nominal:.4g}" for n, c in pairs)
         return "recalibrate", told + aside
     still = [o for o, j in final.items() if np.nanstd(j.measured) < _UNMOVED * j.noise]

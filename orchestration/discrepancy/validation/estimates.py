@@ -2,62 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from orchestration.discrepancy.selection.search import Evidence
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.grey_box import Estimate
 
 Array = NDArray[np.float64]
 _FLAT = 1e-12  # relative curvature below which a direction counts as undetermined
-_DIFFERS = 5.0  # standard errors by which a parameter counts as another than nominal
-_MATTERS = 0.02  # relative difference below which that is not worth a word
-_ABSURD = 30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
+_SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
+_NOTICEABLE = 0.02  # relative difference below which that is not worth a word
+_IMPLAUSIBLE = 30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
 _TOUCHED = 1e-6  # share of a coordinate in a direction of which nothing is known, from which on it is unknown too
 
 
-def estimates(evidence: Evidence) -> dict[str, Estimate]:
+def estimates(model: FittedCandidate) -> dict[str, Estimate]:
     """Searched parameters by name, with their 95 % intervals, SI."""
-    problem, fitted = evidence.problem, evidence.fitted
-    half = float(norm.ppf(0.975)) * spread(evidence)
-    found = {}
+    problem, fitted = model.problem, model.fit
+    half = float(norm.ppf(0.975)) * standard_errors(model)
+    result = {}
     for name, scale, q, h in zip(problem.names, problem.scales, fitted.q, half, strict=True):
         ends = (scale.value(q - h), scale.value(q + h))
-        found[name] = Estimate(fitted.values[name], problem.start[name], ends, problem.declared[name].unit)
-    return found
+        result[name] = Estimate(fitted.values[name], problem.start[name], ends, problem.declared[name].unit)
+    return result
 
 
-def differing(evidence: Evidence, parameters: Sequence[str]) -> list[str]:
+def significantly_changed(model: FittedCandidate, parameters: Sequence[str]) -> list[str]:
     """Physical parameters that are surely and noticeably others than nominal."""
-    problem, fitted = evidence.problem, evidence.fitted
+    problem, fitted = model.problem, model.fit
     nominal = problem.position(problem.start)
-    surely = np.abs(fitted.q - nominal) / spread(evidence)
+    surely = np.abs(fitted.q - nominal) / standard_errors(model)
     chosen = {
         name: float(surely[i])
         for i, name in enumerate(problem.names)
-        if name in parameters and not name.endswith("_start") and surely[i] > _DIFFERS
-        and abs(fitted.q[i] - nominal[i]) > _MATTERS
+        if name in parameters and not problem.declared[name].starts and surely[i] > _SIGNIFICANT
+        and abs(fitted.q[i] - nominal[i]) > _NOTICEABLE
     }  # fmt: skip
     return sorted(chosen, key=lambda name: -chosen[name])
 
 
-def absurd(found: dict[str, Estimate], parameters: Sequence[str]) -> list[str]:
-    """Of some parameters, those that no specimen can have, with how many times nominal they are."""
-    times = {n: found[n].value / found[n].nominal for n in parameters if found[n].nominal and not n.endswith("_start")}
-    return [f"{name} times {x:.3g}" for name, x in times.items() if x > 0.0 and not 1.0 / _ABSURD < x < _ABSURD]
+def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
+    """Of some parameters, those that no specimen can have, with their ratios to nominal."""
+    ratios = {n: values[n].value / values[n].nominal for n in parameters if values[n].nominal}
+    return {n: x for n, x in ratios.items() if x > 0.0 and not 1.0 / _IMPLAUSIBLE < x < _IMPLAUSIBLE}
 
 
-def spread(evidence: Evidence) -> Array:
+def standard_errors(model: FittedCandidate) -> Array:
     """Return the standard errors of the searched coordinates; infinite where nothing is known of them.
 
-    What is believed counts, so that parameters of which the record tells a combination only, such as a ratio, are as
+    The prior counts, so that parameters of which the record tells a combination only, such as a ratio, are as
     uncertain as they are.
     """
-    fitted = evidence.fitted
-    known = fitted.information + np.diag(fitted.belief)
+    fitted = model.fit
+    known = fitted.information + np.diag(fitted.prior_precision)
     scale = np.sqrt(np.diag(known))
     seen = np.flatnonzero(scale > 0.0)
     size, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen]))

@@ -20,9 +20,9 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import Declaration, DiscreteDeclaration, InputDeclaration, Layout, ParameterDeclaration
+from fmus.kit.declare import Declaration, DiscreteDeclaration, InputDeclaration, ParameterDeclaration, named, starting
 from fmus.kit.errors import UserError
-from fmus.kit.symbolic.sensitivity import named
+from fmus.kit.layout import Layout
 from fmus.kit.symbolic.trace import Graph, trace
 from orchestration.system.check import check
 from orchestration.system.model import Member, System
@@ -116,7 +116,8 @@ def _part(system: System, member: Member) -> Graph:
 
     def own(v: Any) -> Any:
         start = {"start": member.parameters[v.name]} if v.name in member.parameters else {}
-        return named(replace(v, **start), f"{member.name}.{v.name}")
+        renamed = named(replace(v, **start), f"{member.name}.{v.name}")
+        return starting(renamed, f"{member.name}.{state}") if (state := getattr(v, "starts", None)) else renamed
 
     layout = graph.layout
     # literal periods become parameters: members that happen to have the same one are not sampled as one group

@@ -1,7 +1,7 @@
 """A rig to practise on: an actuator with measurement noise and, if wanted, an effect nobody told the models of.
 
 It shares no code with the models, so that agreement between the two means something: the laws are in
-:mod:`orchestration.rig.emulator.physics`, the integrator is in :mod:`orchestration.rig.emulator.run`.
+:mod:`orchestration.rig.emulator.physics`, with an integrator of their own.
 """
 
 from collections.abc import Callable
@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
-from orchestration.rig.emulator.physics import Physics, RigParameters
-from orchestration.rig.emulator.run import propagate
+from orchestration.rig.emulator.physics import Physics, RigParameters, propagate
 
 __all__ = ["EmulatedRig", "Physics", "RigParameters"]
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from orchestration.rig.emulator.physics import Array, Physics
-from orchestration.rig.emulator.run import Run, Signals
+from orchestration.rig.emulator.physics import Array, Physics, Run, Signals
 
 _BEFORE = 1e-6  # of a sample period, how far from its end the value is taken that inputs have not yet changed
 

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestration.rig.emulator.physics import Array, Physics
-from orchestration.rig.emulator.run import Run, Signals
+from orchestration.rig.emulator.physics import Array, Physics, Run, Signals
 
 _GRID = 0.5  # s, on which temperatures are drawn
 

@@ -10,6 +10,7 @@ import pytest
 from fmus.kit.build import RUNTIMES
 from orchestration.experiment.waveforms import square_wave
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from tests.contract.raw import OK, instance
 
@@ -65,7 +66,7 @@ def test_builds_agree(fmu, parameters):
     for runtime in RUNTIMES:
         with Fmu(fmu(NAME, runtime), parameters) as one:
             one.start(0.0, float(time[-1]))
-            results[runtime] = one.run(time, {"current": current, "voltage": voltage})
+            results[runtime] = simulate_instance(one, time, {"current": current, "voltage": voltage})
     for name, expected in results["native"].items():
         np.testing.assert_allclose(results["python"][name], expected, rtol=1e-9, atol=1e-12, err_msg=name)
     assert results["native"]["R2"][-1] > 0.0

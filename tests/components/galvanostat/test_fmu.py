@@ -8,6 +8,7 @@ import pytest
 
 from fmus.kit.build import RUNTIMES
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from tests.contract.raw import OK, doubles, instance, integers
 
 NAME = "galvanostat"
@@ -47,7 +48,7 @@ def test_builds_agree(fmu, parameters):
     for runtime in RUNTIMES:
         with Fmu(fmu(NAME, runtime), parameters) as one:
             one.start(0.0, float(time[-1]))
-            results[runtime] = one.run(time, inputs)
+            results[runtime] = simulate_instance(one, time, inputs)
     for name in ("current", "saturated", "recovering"):
         np.testing.assert_allclose(results["python"][name], results["native"][name], rtol=1e-9, atol=1e-12)
         assert len(set(results["native"][name].tolist())) > 1

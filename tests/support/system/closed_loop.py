@@ -12,8 +12,7 @@ from orchestration.discrepancy.systems.diagnose import diagnose_system
 from orchestration.experiment.waveforms import multilevel
 from orchestration.master.reference.fused import fuse
 from orchestration.records import write_record
-from orchestration.system import Member, ssp
-from orchestration.system import library as shipped
+from orchestration.system import Member, library, ssp
 
 NOISE = {"V": 4e-3, "m": 3e-6, "A": 1e-3, "N": 5e-3}
 WATCH = {
@@ -47,7 +46,7 @@ def measure(path, system, columns, time, inputs, every, hidden=None, values=None
 
 def watched(folder, columns=WATCH, **hidden):
     """Degradation watch over five minutes at 10 Hz, its protection at rest."""
-    system, time = shipped.system("degradation_watch"), 0.1 * np.arange(3000)
+    system, time = library.system("degradation_watch"), 0.1 * np.arange(3000)
     inputs = {
         "current_command": multilevel(time, [-0.6, -0.2, 0.3, 0.6], (1.0, 5.0), 2),
         "force": multilevel(time, [0.5, 1.0, 2.0], (8.0, 20.0), 2),

@@ -21,7 +21,7 @@ from orchestration.discrepancy.diagnosis import diagnose, searched
 from orchestration.discrepancy.report.wording import sentence
 from orchestration.discrepancy.residuals.lines import jumps, lines
 from orchestration.discrepancy.selection import search as evidence
-from orchestration.discrepancy.selection.search import Data
+from orchestration.discrepancy.selection.search import Dataset
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.noise import ORDER, Noise, estimate, segments
 from orchestration.rig.emulator.records import draw, write
@@ -141,7 +141,7 @@ def fails(*arguments, cwd):
 
 def record(hidden, **options):
     drawn = draw(hidden, 1, duration=300.0, rate=5.0, **options)
-    return Data(drawn.time, drawn.inputs, drawn.outputs)
+    return Dataset(drawn.time, drawn.inputs, drawn.outputs)
 
 
 def test_a_hidden_saturation_is_named_and_its_gain_holds():
@@ -161,7 +161,7 @@ def test_a_clean_record_has_no_cause(colour):
 def test_a_changed_parameter_is_recalibrated():
     found = diagnose(PpyActuator, record(None, changed={"R1": 1.4}, spread=0.0), FEW)
     assert found.verdict == "recalibrate"
-    assert found.differing[0] == "R1"
+    assert found.changed[0] == "R1"
     low, high = found.estimates["R1"].interval
     assert low < 1.4 * 0.43 < high
 
@@ -174,7 +174,7 @@ def test_without_excitation_nothing_is_named():
     idle = record(None)
     still = {name: np.full_like(values, values[0]) for name, values in idle.inputs.items()}
     noise = {name: 1e-3 * coloured(0.0, 3, values.size) for name, values in idle.measured.items()}
-    found = diagnose(PpyActuator, Data(idle.time, still, noise), FEW)
+    found = diagnose(PpyActuator, Dataset(idle.time, still, noise), FEW)
     assert found.causes == []
     assert found.verdict == "ambiguous"
     assert "no input moves" in found.notes[0]
@@ -202,7 +202,7 @@ def test_an_unknown_model_is_told(tmp_path):
 
 def test_a_record_that_is_too_short_is_refused():
     with pytest.raises(UserError, match="3 samples are too few for a diagnosis; 225 are the least"):
-        diagnose(PpyActuator, Data(np.arange(3.0), {}, {"voltage": np.zeros(3)}), FEW)
+        diagnose(PpyActuator, Dataset(np.arange(3.0), {}, {"voltage": np.zeros(3)}), FEW)
 
 
 def test_what_is_written_is_json_as_others_read_it(tmp_path):
@@ -279,7 +279,7 @@ def test_a_model_without_states_or_inputs_can_be_diagnosed():
             return self.slope * self.time
 
     time = 0.1 * np.arange(600)
-    data = Data(time, {}, {"shown": 2.5 * time + 1e-3 * coloured(0.0, 1, 600)})
+    data = Dataset(time, {}, {"shown": 2.5 * time + 1e-3 * coloured(0.0, 1, 600)})
     for holdout in (None, data):
         found = diagnose(Gauge, data, [], holdout=holdout)
         assert found.estimates["slope"].value == pytest.approx(2.5, rel=1e-3)
@@ -291,7 +291,7 @@ def test_inputs_that_only_jitter_tell_nothing():
     jitter = {name: 0.5 + 1e-5 * coloured(0.0, k, u.size) for k, (name, u) in enumerate(data.inputs.items())}
     noise = {name: 1e-3 * np.ptp(y) * coloured(0.0, 7, y.size) for name, y in data.measured.items()}
     found = diagnose(PpyActuator, replace(data, inputs=jitter, measured=noise), FEW)
-    assert (found.verdict, found.causes, found.differing) == ("ambiguous", [], [])
+    assert (found.verdict, found.causes, found.changed) == ("ambiguous", [], [])
     assert any("lost in the noise" in note for note in found.notes)
 
 

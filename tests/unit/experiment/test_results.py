@@ -14,7 +14,7 @@ import pandas
 import pytest
 import xarray
 
-from orchestration.experiment import results
+from orchestration.experiment import result_page, results
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.records import read_record, write_record
@@ -297,12 +297,12 @@ def test_a_page_holds_picture_figures_and_the_experiment(folder):
 @pytest.mark.parametrize("over", ["time", "current"])
 def test_a_picture_has_units_on_every_axis(folder, over):
     done = run(read(str(folder / "play.toml"), [f"over={over}"]))
-    figure = results.figure(done)
+    figure = result_page.figure(done)
     labels = {axis.get_ylabel().replace("\n", " ") for axis in figure.axes}
     expected = {"current [A]", "force [N]", "voltage [V]", "displacement [mm]"} - {f"{over} [A]"}
     assert labels == expected
     assert figure.axes[-1].get_xlabel() == ("time [s]" if over == "time" else "current [A]")
     drawn = next(a for a in figure.axes if a.get_ylabel().startswith("displacement")).lines[0].get_ydata()
     assert drawn == pytest.approx(1e3 * done.displacement.values)
-    results.plot(done, folder / "run.png")
+    result_page.plot(done, folder / "run.png")
     assert (folder / "run.png").read_bytes().startswith(PNG)

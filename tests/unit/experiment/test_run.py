@@ -24,7 +24,7 @@ from orchestration.fmu.model import find_model
 from orchestration.fmu.simulate import simulate
 from orchestration.master.reference.fused import fuse
 from orchestration.records import write_record
-from orchestration.system import library as systems
+from orchestration.system import library
 
 ROOT = Path(__file__).parents[3]
 R1, R2, C = 0.43, 2.35, 2.70  # table 3-1, ohm and F
@@ -318,7 +318,7 @@ def test_an_adaptive_master_comes_closer():
     text += "[inputs]\nforce_reference = 1\ncurrent = 0\n[master]\n"
     held, near = make(text)["actuator.tension"], make(text + "tolerance = 1e-6\n")["actuator.tension"]
     inputs = {"force_reference": np.ones(held.size), "current": np.zeros(held.size)}
-    fused = CompiledModel(fuse(systems.system("dma_bench"))).run(held.time.values, inputs).signals["actuator.tension"]
+    fused = CompiledModel(fuse(library.system("dma_bench"))).run(held.time.values, inputs).signals["actuator.tension"]
     assert np.abs(near.values - fused).max() < 1e-3 * np.abs(fused).max()
     assert np.abs(held.values - fused).max() > 0.1 * np.abs(fused).max()
 
@@ -326,7 +326,7 @@ def test_an_adaptive_master_comes_closer():
 def test_a_system_from_a_file_is_the_system(tmp_path):
     from orchestration.system import ssp
 
-    ssp.write(systems.system("dma_bench"), tmp_path / "bench.ssp")
+    ssp.write(library.system("dma_bench"), tmp_path / "bench.ssp")
     text = "duration = 0.5\n[inputs]\nforce_reference = 1\ncurrent = 0\n"
     one, other = (make(f'system = "{s}"\n' + text, tmp_path=tmp_path) for s in ("dma_bench", "bench.ssp"))
     assert list(one) == list(other)
@@ -344,7 +344,7 @@ def test_an_input_that_nothing_feeds_is_set_as_a_parameter():
     text = BENCH + "duration = 0.5\nstep = 1e-3\n[parameters]\nbench.hold = true\n[inputs]\nforce_reference = 1\n"
     found = make(text + "current = 0")
     assert abs(found["actuator.tension"].values[-1] - 1.0) > 0.05
-    system = systems.system("dma_bench")
+    system = library.system("dma_bench")
     bench = replace(system.member("bench"), parameters={"hold": 1.0})
     held = replace(system, members=(bench, system.member("actuator")))
     time = found.time.values

@@ -1,6 +1,7 @@
 """Claims: any co-simulation FMU runs, its failures are one readable line, and nothing is left behind."""
 
 import gc
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from fmus.kit.units import shown, shown_difference
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import find_model
+from orchestration.fmu.simulate import simulate_instance
 from tests.support.archive import edited
 from tests.support.kit_samples import Thermostat
 
@@ -25,7 +27,7 @@ def test_outputs_follow_the_solution_on_paper(fmu, runtime):
     current = 0.9
     with Fmu(fmu("ppy_actuator", runtime), {"R1": 0.6, "charge_start": 0.5}) as instance:
         instance.start()
-        result = instance.run(TIME, {"current": np.full(TIME.size, current)}, ["charge", "voltage"])
+        result = simulate_instance(instance, TIME, {"current": np.full(TIME.size, current)}, ["charge", "voltage"])
     settled = 2.35 * 2.7 * current
     charge = settled + (0.5 - settled) * np.exp(-TIME / ((0.6 + 2.35) * 2.7))
     assert result["charge"] == pytest.approx(charge, abs=1e-7)
@@ -38,8 +40,28 @@ def test_outputs_are_read_after_the_inputs_of_the_same_point(fmu, runtime):
     with Fmu(fmu("ppy_actuator", runtime)) as instance:
         instance.start()
         current = np.array([0.0, 0.9, 0.0])
-        result = instance.run(np.array([0.0, 1e-6, 2e-6]), {"current": current}, ["voltage"])
+        result = simulate_instance(instance, np.array([0.0, 1e-6, 2e-6]), {"current": current}, ["voltage"])
     assert result["voltage"] == pytest.approx(current * 0.43 * 2.35 / 2.78, abs=1e-5)
+
+
+def test_linear_inputs_go_from_point_to_point(fmu, runtime):
+    """Charge of a ramp of current on paper: exact where the FMU interpolates, else of second order in the parts."""
+    time, constant = np.linspace(0.0, 12.0, 5), (0.43 + 2.35) * 2.7
+    charge = 2.35 * 2.7 * 0.1 * (time - constant * (1.0 - np.exp(-time / constant)))
+    errors = []
+    for parts in (1, 2, 4):
+        with Fmu(fmu("ppy_actuator", runtime)) as instance:
+            instance.start()
+            current = {"current": 0.1 * time, "force": np.zeros(time.size)}
+            found = simulate_instance(instance, time, current, ["charge", "voltage"], linear=["current"], parts=parts)
+        errors.append(np.abs(found["charge"] - charge).max())
+        assert found["voltage"][-1] == pytest.approx(
+            2.35 / 2.78 * (found["charge"][-1] / 2.7 + 0.43 * 0.1 * time[-1]), rel=1e-9
+        )
+    if runtime == "native":
+        assert max(errors) < 1e-7
+    else:
+        assert [one / other for one, other in pairwise(errors)] == pytest.approx([4.0, 4.0], rel=0.05)
 
 
 def test_a_start_time_other_than_zero(fmu, runtime):
@@ -47,7 +69,7 @@ def test_a_start_time_other_than_zero(fmu, runtime):
     for start in (0.0, -7.25):
         with Fmu(fmu("ppy_actuator", runtime)) as instance:
             instance.start(start)
-            results.append(instance.run(TIME + start, {"force": np.full(TIME.size, 2.0)}))
+            results.append(simulate_instance(instance, TIME + start, {"force": np.full(TIME.size, 2.0)}))
     for output, values in results[0].items():
         assert results[1][output] == pytest.approx(values, rel=1e-9, abs=1e-15)
 
@@ -56,7 +78,7 @@ def test_progress_reaches_the_end(fmu):
     told: list[int] = []
     with Fmu(fmu("ppy_actuator", "native")) as instance:
         instance.start()
-        instance.run(np.linspace(0.0, 1.0, 1001), {}, progress=told.append)
+        simulate_instance(instance, np.linspace(0.0, 1.0, 1001), {}, progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 1001
     assert len(told) > 100
@@ -85,7 +107,7 @@ def test_a_failing_step_is_told_with_its_time(fmu, runtime):
     with Fmu(fmu("ppy_actuator", runtime)) as instance:
         instance.start()
         with pytest.raises(UserError, match=r"ppy_actuator\.fmu: (step from 2 s returned|setting current failed)"):
-            instance.run(np.arange(5.0), {"current": np.array([0.0, 1.0, np.nan, 0.0, 0.0])})
+            simulate_instance(instance, np.arange(5.0), {"current": np.array([0.0, 1.0, np.nan, 0.0, 0.0])})
 
 
 def test_names_that_do_not_fit_are_told(fmu):
@@ -93,9 +115,9 @@ def test_names_that_do_not_fit_are_told(fmu):
     with Fmu(path) as instance:
         instance.start()
         with pytest.raises(UserError, match=r"no variable named 'curent' \(did you mean current\?\)"):
-            instance.run(TIME, {"curent": TIME})
+            simulate_instance(instance, TIME, {"curent": TIME})
         with pytest.raises(UserError, match="voltage is not an input; inputs are current, force"):
-            instance.run(TIME, {"voltage": TIME})
+            simulate_instance(instance, TIME, {"voltage": TIME})
     with Fmu(path, {"voltage": 1.0}) as instance, pytest.raises(UserError, match="voltage is output, only parameters"):
         instance.start()
 
@@ -211,7 +233,8 @@ def test_settings_of_integers_and_booleans_arrive(thermostat):
     assert shown(values["stages"], model.parameters["stages"]) == "3"
     with Fmu(thermostat, values) as instance:
         instance.start()
-        power = instance.run(np.array([0.0, 0.1, 0.2]), {"boost": np.array([1.0, 0.0, 1.0])}, ["power", "on"])
+        boost = {"boost": np.array([1.0, 0.0, 1.0])}
+        power = simulate_instance(instance, np.array([0.0, 0.1, 0.2]), boost, ["power", "on"])
     assert power["power"].tolist() == [200.0, 0.0, 50.0]  # at the first sample instant the heater, disabled, goes off
     assert power["on"].tolist() == [1.0, 0.0, 0.0]
 
@@ -223,7 +246,7 @@ def test_values_that_their_type_cannot_hold_never_reach_the_fmu(thermostat):
         instance.start()
         boost = np.array([0.0, 1.0, 0.5, 0.0])
         with pytest.raises(UserError, match=r"boost: 0.5 is neither true \(1\) nor false \(0\) \(at 2 s\)"):
-            instance.run(np.arange(4.0), {"boost": boost})
+            simulate_instance(instance, np.arange(4.0), {"boost": boost})
 
 
 def test_differences_are_shown_without_the_offset_of_a_unit(thermostat):

@@ -221,6 +221,7 @@ def test_sensitivities_are_declared_with_the_scale_of_their_parameter():
     starts = {p.name: p.start for p in layout.parameters}
     assert starts["d(x)/d(x_start)_start"] == 1.0
     assert starts["d(x)/d(b)_start"] == 0.0
+    assert layout.start_of["d(x)/d(b)"] == "d(x)/d(b)_start"
     effect = with_sensitivities(trace(stack(PpyActuator, ResistanceGrowth)), ["resistance_growth_rate"]).layout
     (throughput,) = (s for s in effect.states if s.name == "d(throughput)/d(resistance_growth_rate)")
     assert throughput.nominal == pytest.approx(1.0 / 1e-3)

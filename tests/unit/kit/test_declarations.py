@@ -33,6 +33,34 @@ def test_start_parameters_take_after_their_state():
     assert parameters["changes_start"].min == 0
 
 
+def test_a_layout_says_which_parameters_are_start_values():
+    layout = Thermostat.layout
+    states = ["temperature", "energy", "on", "changes", "reading"]
+    assert layout.start_of == {state: f"{state}_start" for state in states}
+    assert layout.start_parameters == {f"{state}_start": state for state in states}
+    assert {p.name: p.starts for p in layout.parameters if p.starts is not None} == layout.start_parameters
+
+
+def test_a_parameter_that_is_merely_called_like_one_is_no_start_value():
+    class Ramp(Component):
+        name = "ramp"
+        ramp_start = Parameter(3.0, "s")
+        drive_start = Parameter(0.5, "1")
+        drive = Input("1")
+        level = State("1", rate="level_rate")
+
+        def level_rate(self):
+            return self.drive + self.drive_start
+
+    assert Ramp.layout.start_parameters == {"level_start": "level"}
+    assert Ramp().level == 0.0
+    other = stack(Ramp, defaults={"ramp_start": 5.0, "level_start": 2.0})
+    assert other.layout.start_parameters == {"level_start": "level"}
+    assert (other().ramp_start, other().level, other().drive) == (5.0, 2.0, 0.0)
+    with pytest.raises(TypeError, match="starts"):
+        Parameter(1.0, "s", starts="level")
+
+
 def test_description_of_an_output_is_the_first_line_of_its_docstring():
     power, warm = Thermostat.layout.outputs
     assert power.doc == "Electric power. The second sentence is no part of the description"

@@ -352,7 +352,7 @@ def test_accuracy_that_cannot_be_reached_is_reported():
 
 
 def test_too_many_internal_steps_are_reported(monkeypatch):
-    monkeypatch.setattr(module, "MOST_STEPS", 100)
+    monkeypatch.setattr(module, "MAX_STEPS", 100)
     with pytest.raises(UserError, match=r"^more than 100 internal steps in one communication step at "):
         Integrator(Oscillator()).advance(0.0, 1000.0)
 
@@ -364,7 +364,7 @@ def test_the_limit_counts_over_all_samples_of_a_communication_step(monkeypatch):
         def next(self):
             return self.n + 1.0
 
-    monkeypatch.setattr(module, "MOST_STEPS", 100)
+    monkeypatch.setattr(module, "MAX_STEPS", 100)
     with pytest.raises(UserError, match=r"^more than 100 internal steps"):
         Integrator(Fast()).advance(0.0, 1000.0)
     Integrator(Fast()).advance(0.0, 0.1)

@@ -9,7 +9,8 @@ import pytest
 from scipy.linalg import expm
 
 import fmus
-from fmus.kit import Component, State, build, sqrt, stack
+from fmus.kit import Component, State, sqrt, stack
+from fmus.kit.build.package import python_package
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.slave import Slave
@@ -168,7 +169,7 @@ def test_memory_is_released_on_close():
 @pytest.mark.parametrize("name", ["ppy_actuator", "ppy_actuator_length_driven"])
 def test_what_a_python_fmu_carries_runs_without_any_package(name, tmp_path):
     cls = stack(fmus.component(name), *EFFECTS.values())
-    for path, contents in build._python_package(cls).items():
+    for path, contents in python_package(cls).items():
         target = tmp_path / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(contents)

@@ -11,7 +11,7 @@ from benchmarks.coupling import SMOOTH, measured
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from orchestration.master import run
 from orchestration.master.reference.coupling_error import coupling_error, imbalance, mechanical
-from orchestration.system import library as shipped
+from orchestration.system import library
 from orchestration.system.model import Connection, Member, Port, System, connect
 
 
@@ -158,10 +158,10 @@ def test_imbalance_is_counted_in_the_units_of_either_side():
 
 def test_couplings_of_the_systems_that_ship_are_found_and_their_imbalance_is_of_first_order():
     found = measured("foot_gait", quick=True)
-    assert set(found.imbalances) == {f"foot.{a}_length_change <-> {a}.tension" for a in shipped.FEET}
+    assert set(found.imbalances) == {f"foot.{a}_length_change <-> {a}.tension" for a in library.FEET}
     for name in found.imbalances:
         assert found.order(name) == pytest.approx(1.0, abs=0.02)
-    assert mechanical(shipped.system("degradation_watch")) == []
+    assert mechanical(library.system("degradation_watch")) == []
 
 
 def test_mistakes_are_told():

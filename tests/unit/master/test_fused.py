@@ -21,7 +21,7 @@ from fmus.kit.symbolic.trace import trace
 from orchestration.experiment.waveforms import square_wave
 from orchestration.master import run
 from orchestration.master.reference.fused import fuse
-from orchestration.system import library as shipped
+from orchestration.system import library
 from orchestration.system.model import Connection, Member, Port, System, connect
 
 R, L, K, M, B, CORNER, T = 3.0, 1e-3, 3.9, 0.03, 6.0, 2 * np.pi * 100.0, 1.0 / 30.0
@@ -78,7 +78,7 @@ def test_bench_is_the_monolithic_solution_slack_and_saturation_included():
         "force_reference": np.select([time < 0.2, time < 0.6], [0.0, 2.0], 20.0),
         "current": square_wave(time, 1.3, 2.0),
     }
-    found = CompiledModel(fuse(shipped.system("dma_bench"))).run(time, inputs).signals
+    found = CompiledModel(fuse(library.system("dma_bench"))).run(time, inputs).signals
     exact = dict(zip(SEEN, bench(time, *inputs.values()), strict=True))
     close(found, exact, 1e-6)
     assert found["bench.coil_voltage"].max() == 10.0
@@ -87,7 +87,7 @@ def test_bench_is_the_monolithic_solution_slack_and_saturation_included():
 
 
 def test_foot_under_four_currents_is_the_motion_of_its_points():
-    system, feet, currents = shipped.system("foot_gait"), shipped.FEET, np.array([1.0, -0.6, 0.5, -0.8])
+    system, feet, currents = library.system("foot_gait"), library.FEET, np.array([1.0, -0.6, 0.5, -0.8])
     flowed = [system.member(a).parameters["maxwell_elongation_start"] for a in feet]
 
     def parts(y):
@@ -112,7 +112,7 @@ def test_foot_under_four_currents_is_the_motion_of_its_points():
 
 def protected():
     """The watch with a voltage limit that acts soon, and an estimate that is soon valid."""
-    system = shipped.system("degradation_watch")
+    system = library.system("degradation_watch")
     watch, *others = system.members
     soon = {"initial_voltage_limit": 1.1, "settling_time": 40.0}
     return replace(system, members=(replace(watch, parameters=watch.parameters | soon), *others))
@@ -160,7 +160,7 @@ def test_gauss_seidel_is_the_fused_watch_whose_members_are_in_the_order_of_its_s
 
 
 def test_sensitivities_to_parameters_of_members_are_central_differences():
-    graph = fuse(shipped.system("dma_bench"))
+    graph = fuse(library.system("dma_bench"))
     time = 0.01 * np.arange(61)
     inputs = {"force_reference": 3.0 + 0.0 * time, "current": np.where(time < 0.3, 0.2, -0.4)}
     values = {"actuator.k1": 6300.0, "actuator.alpha": 6.8e-5, "bench.K": 3.9, "bench.error_gain": 0.66}
@@ -266,7 +266,7 @@ def test_samples_that_coincide_are_taken_in_the_order_of_the_members():
 
 
 def test_members_keep_their_own_sample_periods():
-    system = shipped.system("degradation_watch")
+    system = library.system("degradation_watch")
     parameters = {"galvanostat.protection_period": 0.3, "estimator.sample_period": 0.2}
     time = 0.1 * np.arange(200)
     inputs = {"current_command": 1.3 * np.sin(3.0 * time)}
@@ -295,3 +295,4 @@ def test_a_fused_single_component_is_the_component():
     alone, fused = CompiledModel(trace(cls)).run(time, inputs), CompiledModel(fuse(system)).run(time, inputs)
     for name, values in alone.signals.items():
         np.testing.assert_array_equal(fused.signals[f"m.{name}"], values)
+    assert fuse(system).layout.start_of == {f"m.{k}": f"m.{v}" for k, v in cls.layout.start_of.items()}

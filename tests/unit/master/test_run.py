@@ -13,6 +13,7 @@ from fmus.kit.build import build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from orchestration.master import Stopped, run
 from orchestration.system.model import Member, Port, System, connect
 from tests.contract.models import Sampler
@@ -463,10 +464,10 @@ def test_integers_and_booleans(tmp_path):
         result = run(system, TIME, u, method="jacobi", record=record)
         with Fmu(path, {"enabled": 1.0}) as fmu:
             fmu.start()
-            first = fmu.run(TIME, {"u": u["a"]})
+            first = simulate_instance(fmu, TIME, {"u": u["a"]})
         with Fmu(path) as fmu:
             fmu.start()
-            second = fmu.run(TIME, {"u": u["b"], "enabled": first["high"]})
+            second = simulate_instance(fmu, TIME, {"u": u["b"], "enabled": first["high"]})
         assert {0.0, 1.0} == set(first["high"])
         for name, values in result.signals.items():
             expected = {"a": first, "b": second}[name[0]][name[2:]]

@@ -13,12 +13,11 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.signal import lsim
 
-from orchestration.rig import emulator as rig
+from orchestration.rig import emulator
 from orchestration.rig.emulator.emulator import EmulatedRig, Physics, RigParameters
 from orchestration.rig.emulator.hidden_coupling import LoadDependentVoltage, SaturatingStrain
 from orchestration.rig.emulator.hidden_electrical import GrowingResistance
-from orchestration.rig.emulator.physics import together
-from orchestration.rig.emulator.run import propagate
+from orchestration.rig.emulator.physics import propagate, together
 
 NOMINAL = RigParameters()
 quiet = partial(EmulatedRig, voltage_noise=0.0, displacement_noise=0.0)
@@ -37,8 +36,8 @@ def square_wave(time, amplitude, period):
 
 
 RIG = [
-    *Path(rig.__file__).parent.glob("hidden_*.py"),
-    *(Path(rig.__file__).with_name(n) for n in ("emulator.py", "physics.py", "run.py", "refit.py", "variations.py")),
+    *Path(emulator.__file__).parent.glob("hidden_*.py"),
+    *(Path(emulator.__file__).with_name(n) for n in ("emulator.py", "physics.py", "refit.py", "variations.py")),
 ]
 
 

@@ -7,8 +7,7 @@ import zipfile
 
 import pytest
 
-from orchestration.system import library as shipped
-from orchestration.system import ssp
+from orchestration.system import library, ssp
 from tests.support.command import here, refused
 from tests.support.system.archive import repacked
 from tests.support.system.samples import tiny_fmu
@@ -19,7 +18,7 @@ EARLIER = "the result of earlier work\n"
 @pytest.fixture
 def folder(tmp_path):
     """A folder with a good system, a bench as a file, and earlier results."""
-    ssp.write(shipped.system("dma_bench"), tmp_path / "bench.ssp")
+    ssp.write(library.system("dma_bench"), tmp_path / "bench.ssp")
     for name in ("out.ssp", "out.png"):
         (tmp_path / name).write_text(EARLIER, encoding="utf-8")
     return tmp_path
@@ -34,7 +33,7 @@ def done(folder, *arguments):
 
 def test_list(tmp_path):
     lines = done(tmp_path, "list").splitlines()
-    assert [line.split()[0] for line in lines] == list(shipped.NAMES)
+    assert [line.split()[0] for line in lines] == list(library.NAMES)
 
 
 @pytest.mark.parametrize("name", ["dma_bench", "bench.ssp"])
@@ -79,7 +78,7 @@ def test_export_and_check(folder, runtime):
     assert "wrote hil_bench.ssp" in done(folder, "export", "hil_bench", "--runtime", runtime)
     with zipfile.ZipFile(folder / "hil_bench.ssp") as found:
         exported = found.read("resources/voice_coil_dma.fmu")
-    member = shipped.system("hil_bench", runtime).members[0]
+    member = library.system("hil_bench", runtime).members[0]
     assert exported == member.fmu.read_bytes()
     assert "hil_bench.ssp: 2 members, 2 connections, no errors, 0 warnings" in done(folder, "check", "hil_bench.ssp")
     done(folder, "export", "hil_bench.ssp", "--out", "copy.ssp", "--connectors")

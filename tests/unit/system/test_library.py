@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.system import Connection, Port, ssp
-from orchestration.system import library as shipped
+from orchestration.system import Connection, Port, library, ssp
 from orchestration.system.check import check, warnings
 from orchestration.system.draw import draw
 from orchestration.system.layout import arrange, nets_of, route
@@ -23,7 +22,7 @@ def run(tmp_path):
     """Run a system in libcosim for some seconds, at its step divided by a number."""
 
     def run(name, seconds, inputs, signals, part=1, runtime="native"):
-        system, path = shipped.system(name, runtime), tmp_path / f"{name}.ssp"
+        system, path = library.system(name, runtime), tmp_path / f"{name}.ssp"
         if not path.exists():
             ssp.write(system, path)
         step = system.step / part
@@ -33,28 +32,28 @@ def run(tmp_path):
 
 
 def test_four_ship_and_another_name_is_refused():
-    assert shipped.NAMES == ("dma_bench", "degradation_watch", "foot_gait", "hil_bench")
+    assert library.NAMES == ("dma_bench", "degradation_watch", "foot_gait", "hil_bench")
     with pytest.raises(UserError, match=r"no system named 'dma_bnch' \(did you mean dma_bench\?\)"):
-        shipped.system("dma_bnch")
+        library.system("dma_bnch")
 
 
-@pytest.mark.parametrize("name", shipped.NAMES)
+@pytest.mark.parametrize("name", library.NAMES)
 def test_each_makes_sense_in_both_builds(name, runtime):
-    system = shipped.system(name, runtime)
+    system = library.system(name, runtime)
     check(system)
     assert warnings(system) == []
-    assert system.doc == shipped.SUMMARIES[name]
+    assert system.doc == library.SUMMARIES[name]
     assert all(member.cls is not None and member.fmu.stem == member.cls.name for member in system.members)
 
 
 def test_what_is_connected_with_what():
     """As section 6 of the design has it."""
-    found = {n: {str(c.source): str(c.target) for c in shipped.system(n).connections} for n in shipped.NAMES}
+    found = {n: {str(c.source): str(c.target) for c in library.system(n).connections} for n in library.NAMES}
     assert found["dma_bench"] == {"bench.position": "actuator.length_change", "actuator.tension": "bench.tension"}
     assert found["hil_bench"] == {"bench.position": "proxy.length_change", "proxy.tension": "bench.tension"}
     feet = {f"foot.{a}_length_change": f"{a}.length_change" for a in ("an", "po", "do", "pl")}
     assert found["foot_gait"] == feet | {f"{a}.tension": f"foot.{a}_tension" for a in ("an", "po", "do", "pl")}
-    watch = {(str(c.source), str(c.target)) for c in shipped.system("degradation_watch").connections}
+    watch = {(str(c.source), str(c.target)) for c in library.system("degradation_watch").connections}
     assert watch == {
         ("galvanostat.current", "actuator.current"), ("galvanostat.current", "estimator.current"),
         ("actuator.voltage", "estimator.voltage"), ("actuator.voltage", "galvanostat.voltage"),
@@ -79,7 +78,7 @@ def test_the_bench_with_a_proxy_runs_as_the_bench(run):
 
 def test_the_foot_rests_under_tension_and_stays_taut(run):
     """The largest current, driven for the two seconds of the experiment, slackens nobody; without it nothing moves."""
-    tensions = [f"{a}.tension" for a in shipped.FEET]
+    tensions = [f"{a}.tension" for a in library.FEET]
     still = run("foot_gait", 0.5, {}, ["foot.ankle_angle", "foot.mtp_angle", *tensions], 0.5)
     assert np.abs(still["foot.ankle_angle"]).max() < 1e-9
     assert np.abs(still["foot.mtp_angle"]).max() < 1e-9
@@ -97,16 +96,16 @@ def test_the_watch_sees_its_actuator(run):
         "degradation_watch", 5.0, wanted, ["galvanostat.current", "actuator.voltage", "estimator.voltage_limit"]
     )
     assert set(found["galvanostat.current"]) == {1.0}
-    assert set(found["estimator.voltage_limit"]) == {shipped.ageing_actuator.ESTIMATOR["initial_voltage_limit"]}
+    assert set(found["estimator.voltage_limit"]) == {library.ESTIMATOR["initial_voltage_limit"]}
     assert np.all(np.diff(found["actuator.voltage"]) > 0.0)
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", shipped.NAMES)
+@pytest.mark.parametrize("name", library.NAMES)
 def test_wires_touch_no_box_and_do_not_lie_on_each_other(name):
-    system = shipped.system(name)
+    system = library.system(name)
     boxes, lanes = arrange(system)
     segments = []
     for source, connections in nets_of(system).items():
@@ -130,12 +129,12 @@ def test_wires_touch_no_box_and_do_not_lie_on_each_other(name):
             assert one == other or not (on_one_line and ends - starts > 0.01), (one, other)
 
 
-@pytest.mark.parametrize("name", shipped.NAMES)
+@pytest.mark.parametrize("name", library.NAMES)
 def test_a_picture_names_everything(name, tmp_path, monkeypatch):
     import matplotlib
 
     monkeypatch.setitem(matplotlib.rcParams, "svg.fonttype", "none")  # letters remain letters
-    system = shipped.system(name)
+    system = library.system(name)
     draw(system, tmp_path / "system.svg")
     text = (tmp_path / "system.svg").read_text(encoding="utf-8")
     words = re.findall(r"<text[^>]*>([^<]*)</text>", text)
@@ -156,7 +155,7 @@ def test_a_factor_is_in_the_picture(tmp_path, monkeypatch):
     import matplotlib
 
     monkeypatch.setitem(matplotlib.rcParams, "svg.fonttype", "none")
-    system = shipped.system("dma_bench")
+    system = library.system("dma_bench")
     wire = Connection(Port("bench", "position"), Port("actuator", "length_change"), 2.5, -0.001)
     draw(replace(system, connections=(wire, system.connections[1])), tmp_path / "system.svg")
     assert "× 2.5 -0.001" in (tmp_path / "system.svg").read_text(encoding="utf-8")
@@ -164,4 +163,4 @@ def test_a_factor_is_in_the_picture(tmp_path, monkeypatch):
 
 def test_another_ending_is_refused(tmp_path):
     with pytest.raises(UserError, match=r"system\.bmp.*\.png, \.svg, \.pdf"):
-        draw(shipped.system("dma_bench"), tmp_path / "system.bmp")
+        draw(library.system("dma_bench"), tmp_path / "system.bmp")

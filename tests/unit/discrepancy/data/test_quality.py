@@ -14,7 +14,7 @@ from fmus.ppy_actuator.model import PpyActuator
 from fmus.voice_coil_dma.model import VoiceCoilDma
 from orchestration.discrepancy.data.quality import judge
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.selection.search import Data
+from orchestration.discrepancy.selection.search import Dataset
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import read_record
 from orchestration.rig.emulator.bench import NOISE
@@ -26,11 +26,11 @@ FEW = [EFFECTS[name] for name in ("nonlinear_leakage", "self_heating", "slack", 
 
 def record(seed=1, hidden=None, **options):
     drawn = draw(hidden, seed, **{"duration": 300.0, "rate": 10.0} | options)
-    return Data(drawn.time, drawn.inputs, drawn.outputs)
+    return Dataset(drawn.time, drawn.inputs, drawn.outputs)
 
 
 def changed(data, **outputs):
-    return Data(data.time, data.inputs, {**data.measured, **outputs})
+    return Dataset(data.time, data.inputs, {**data.measured, **outputs})
 
 
 def kinds(findings):
@@ -84,7 +84,7 @@ def test_what_a_model_does_itself_is_no_fault():
     real = [v.name for v in model.layout.inputs if v.type == "real"]
     inputs = {name: multilevel(time, [-1.0, 0.0, 0.5, 1.0], (1.0, 8.0), seed) for seed, name in enumerate(real)}
     shown = model.run(time, inputs).signals
-    data = Data(time, inputs, {o.name: shown[o.name] for o in model.layout.outputs})
+    data = Dataset(time, inputs, {o.name: shown[o.name] for o in model.layout.outputs})
     assert ("coil_voltage", "clipped") in kinds(judge(data)[1])
     assert judge(data, data.measured)[1] == []
 
@@ -139,7 +139,7 @@ def test_a_sensor_that_is_dead_from_the_start_is_not_used(dead):
     judged, (finding,) = judge(changed(data, displacement=displacement))
     assert (finding.channel, finding.kind, finding.share) == ("displacement", "dead", 1.0)
     assert list(judged.measured) == ["voltage"]
-    nothing, findings = judge(Data(data.time, data.inputs, {"displacement": displacement}))
+    nothing, findings = judge(Dataset(data.time, data.inputs, {"displacement": displacement}))
     assert nothing.measured == {}
     assert findings[-1].message == "no output is left that could be trusted: nothing can be judged"
 
@@ -158,10 +158,10 @@ def test_single_samples_far_away_are_left_out():
 def test_a_smooth_signal_that_is_cut_needs_no_noise_to_be_seen():
     time = 0.1 * np.arange(2000)
     wave = np.sin(0.3 * time)
-    judged, findings = judge(Data(time, {"u": wave}, {"y": np.clip(wave, -1.0, 0.7)}))
+    judged, findings = judge(Dataset(time, {"u": wave}, {"y": np.clip(wave, -1.0, 0.7)}))
     assert kinds(findings) == {("y", "clipped")}
     assert np.array_equal(np.isnan(judged.measured["y"]), wave >= 0.7)
-    assert judge(Data(time, {"u": wave}, {"y": wave}))[1] == []
+    assert judge(Dataset(time, {"u": wave}, {"y": wave}))[1] == []
 
 
 def test_gaps_stay_gaps():
@@ -178,10 +178,10 @@ def test_gaps_stay_gaps():
 def test_inputs_that_do_not_move_are_told():
     data = record()
     still = {**data.inputs, "force": np.full(data.time.size, 0.5)}
-    _, (finding,) = judge(Data(data.time, still, data.measured))
+    _, (finding,) = judge(Dataset(data.time, still, data.measured))
     assert finding.message.startswith("force: constant at 0.5 throughout: what only answers to its changes cannot be")
     assert not finding.left_out
-    _, findings = judge(Data(data.time, {n: 0.0 * u for n, u in data.inputs.items()}, data.measured))
+    _, findings = judge(Dataset(data.time, {n: 0.0 * u for n, u in data.inputs.items()}, data.measured))
     assert findings[-1].message.startswith("no input moves: neither a cause nor a parameter can be judged")
 
 

@@ -22,7 +22,7 @@ from orchestration.discrepancy.design.expected_evidence import _covariance, at_r
 from orchestration.discrepancy.design.experiment import ENOUGH, design
 from orchestration.discrepancy.design.stimuli import Stimulus, limits_of_inputs
 from orchestration.discrepancy.diagnosis import diagnose, searched
-from orchestration.discrepancy.selection.search import Data, Evidence
+from orchestration.discrepancy.selection.search import Dataset, FittedCandidate
 from orchestration.discrepancy.selection.stepwise import RIVAL, Selection, Step
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
@@ -53,7 +53,7 @@ def measured(hidden, time, inputs, seed=1):
     """A record of the rig."""
     physics = partial(CATALOGUE[hidden].physics, **HIDDEN[hidden])
     rig = EmulatedRig(RIG, seed, NOISE["voltage"], NOISE["displacement"], hidden=physics)
-    return Data(time, inputs, rig.run(time, inputs["current"], inputs["force"]))
+    return Dataset(time, inputs, rig.run(time, inputs["current"], inputs["force"]))
 
 
 def fitted(data, effect=None):
@@ -68,7 +68,7 @@ def fitted(data, effect=None):
     )  # fmt: skip
     believed = np.array([n in physical and not n.endswith("_start") for n in problem.names])
     begin = {own_parameters(EFFECTS[effect])[0]: 0.1} if effect else {}
-    return Evidence(candidate, problem, fit(problem, problem.position(problem.start | begin), None, believed))
+    return FittedCandidate(candidate, problem, fit(problem, problem.position(problem.start | begin), None, believed))
 
 
 @cache
@@ -93,18 +93,18 @@ def figure(separation, right):
 def test_what_a_dull_record_cannot_tell_apart_the_designed_experiment_does(hidden):
     _, found = rivals(hidden)
     (step,) = found.steps
-    assert abs(step.rivals[0].fitted.bic - step.chosen.fitted.bic) < RIVAL
+    assert abs(step.alternatives[0].fit.bic - step.chosen.fit.bic) < RIVAL
     separation = designed(hidden)
-    assert separation.separates
+    assert separation.is_worthwhile
     time = separation.step * np.arange(round(separation.duration / separation.step) + 1)
     inputs = {name: stimulus.values(time) for name, stimulus in separation.stimuli.items()}
     record = measured(hidden, time, inputs, seed=2)
     (other,) = set(HIDDEN) - {hidden}
-    seen = fitted(record, other).fitted.bic - fitted(record, hidden).fitted.bic
+    seen = fitted(record, other).fit.bic - fitted(record, hidden).fit.bic
     assert 0.5 < seen / figure(separation, hidden) < 2.0
     named = diagnose(PpyActuator, record, [EFFECTS[name] for name in HIDDEN])
     assert named.causes[:1] == [hidden]
-    assert named.selection.steps[0].rivals == []
+    assert named.selection.steps[0].alternatives == []
 
 
 @pytest.mark.parametrize("hidden", HIDDEN)
@@ -144,7 +144,7 @@ def test_what_no_experiment_tells_apart_is_said():
     data, found = rivals("double_layer")
     separation = design(found, data, {"current": (0.0, 0.0)}, HIGHEST)
     assert separation.least < ENOUGH
-    assert not separation.separates
+    assert not separation.is_worthwhile
     assert separation.sentence().startswith("No experiment within these limits that was looked at tells")
     assert tomllib.loads(separation.toml("ppy_actuator"))["inputs"]["current"]["value"] == "0.0 A"
 

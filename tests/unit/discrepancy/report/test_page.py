@@ -22,7 +22,7 @@ from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.cli.diagnose import Files
 from orchestration.discrepancy.candidates.candidate import catalogue
-from orchestration.discrepancy.design.experiment import Expected, Separation
+from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
 from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.extended_model import Gain
@@ -30,9 +30,9 @@ from orchestration.discrepancy.report import elements as marks
 from orchestration.discrepancy.report import figures
 from orchestration.discrepancy.report import wording as words
 from orchestration.discrepancy.report.page import Context, page
-from orchestration.discrepancy.residuals.correlation import Association, Shown
-from orchestration.discrepancy.residuals.lines import Jump, Line
-from orchestration.discrepancy.selection.search import Data
+from orchestration.discrepancy.residuals.correlation import CrossCorrelation, Shown
+from orchestration.discrepancy.residuals.lines import LevelShift, SpectralLine
+from orchestration.discrepancy.selection.search import Dataset
 from orchestration.fmu import model as models
 from orchestration.identify.comparison import read_for
 from orchestration.identify.grey_box import Estimate
@@ -66,7 +66,7 @@ def read(folder, name, seed=1, outputs=("voltage", "displacement")):
     record_of(folder / name, seed, {n: n for n in ("current", "force", *outputs)})
     record = read_for(models.find_model("ppy_actuator"), folder / name)
     inputs = {n: record.signals[n] for n in ("current", "force")}
-    return record, Data(record.time, inputs, {n: record.signals[n] for n in outputs})
+    return record, Dataset(record.time, inputs, {n: record.signals[n] for n in outputs})
 
 
 @pytest.fixture(scope="session")
@@ -80,7 +80,7 @@ def pages(tmp_path_factory):
     plain = replace(found, selection=bare, estimates={n: found.estimates[n] for n in bare.base.problem.names})
     (rival, _), *others = step.rejected
     rivals = replace(found.selection, steps=[replace(step, rivals=[rival], rejected=others)])
-    line, jumps = Line(0.83, 4e-3, 1e-12), [Jump(100.0 + k, 1e-4, 1e-12) for k in range(7)]
+    line, jumps = SpectralLine(0.83, 4e-3, 1e-12), [LevelShift(100.0 + k, 1e-4, 1e-12) for k in range(7)]
     voltage, displacement = found.left["voltage"], found.left["displacement"]
     left = {"voltage": replace(voltage, lines=[line]), "displacement": replace(displacement, jumps=jumps)}
     still = replace(data, inputs={name: np.full_like(values, 0.5) for name, values in data.inputs.items()})
@@ -92,7 +92,7 @@ def pages(tmp_path_factory):
         "cause": (found, context),
         "ambiguous": (replace(found, verdict="ambiguous", selection=rivals), context),
         "recalibrate": (replace(plain, verdict="recalibrate"), context),
-        "consistent": (replace(plain, verdict="consistent", differing=[]), context),
+        "consistent": (replace(plain, verdict="consistent", significantly_changed=[]), context),
         "unexplained": (replace(plain, verdict="unexplained", left=left, notes=["a note"]), context),
         "idle": (idle, context),
         "voltage": (diagnose(PpyActuator, alone[1], FEW[-1:]), replace(context, record=alone[0], effects=FEW[-1:])),
@@ -128,7 +128,7 @@ def figures_of(text):
 
 def test_an_uneven_record_is_told_and_drawn_without_holes(pages, made):
     found, _ = pages["uneven"]
-    there = np.isfinite(found.unseen.data.measured["voltage"])
+    there = np.isfinite(found.validation.data.measured["voltage"])
     assert f"every third sample was held out: fitted to {(~there).sum()}, judged on {there.sum()}." in words_of(
         made["uneven"]
     )
@@ -151,7 +151,7 @@ def test_errors_are_those_of_the_diagnosis(pages, made):
         )
         assert float(missing[2]) == pytest.approx(100.0 * found.before[output], rel=5e-3)
         assert float(missing[3]) == pytest.approx(100.0 * found.after[output], rel=5e-3)
-        y = found.unseen.data.measured[output][found.unseen.first :]
+        y = found.validation.data.measured[output][found.validation.first :]
         size = found.after[output] * np.std(y) * {"V": 1.0, "mm": 1e3}[missing[5]]
         assert float(missing[4]) == pytest.approx(size, rel=5e-3)
 
@@ -162,7 +162,7 @@ def test_evidence_is_told_once_for_every_effect(pages, made):
     step = found.selection.steps[0]
     assert "strain_saturation Elongation that levels off" in told
     assert re.search(rf"relaxes assumption 5 {step.gain:.1f} .*? named", told)
-    fitted = {e.last for e, _ in (*step.rejected, *found.selection.rejected)}
+    fitted = {e.effect_name for e, _ in (*step.rejected, *found.selection.rejected)}
     evidence = told.split("Evidence: what was tried")[1].split(" Parameters ")[0]
     assert evidence.count(" rejected ") == len(fitted)
     assert "beside strain_saturation it is not needed" in evidence
@@ -176,7 +176,7 @@ def test_parameters_have_intervals_and_marks(pages, made):
     rows = re.findall(r"<tr>(.*?)</tr>", made["cause"])
     rows = {name: row for name in found.estimates for row in rows if f"<b>{name}</b>" in row}
     assert set(rows) == {name for name in found.estimates if not name.endswith("_start")}
-    assert {name for name, row in rows.items() if "chip differs" in row} == set(found.differing)
+    assert {name for name, row in rows.items() if "chip differs" in row} == set(found.changed)
     e = found.estimates["R1"]
     low, high = map(float, re.search(r'muted">([\d.]+) … ([\d.]+)<', rows["R1"]).groups())
     assert (low, high) == pytest.approx(e.interval, rel=1e-3)
@@ -196,12 +196,14 @@ def test_what_is_left_and_not_judged_is_told(made):
 def test_what_others_deliver_has_its_place(pages):
     """Simulations of the exported FMU, what the residual goes along with, and an experiment that would tell more."""
     found, context = pages["ambiguous"]
-    perfect = {o: np.nan_to_num(y) for o, y in found.unseen.data.measured.items()}
+    perfect = {o: np.nan_to_num(y) for o, y in found.validation.data.measured.items()}
     gain = Gain(found.before, found.after, {}, {o: y + 1e-3 for o, y in perfect.items()}, perfect)
-    seen = Association("voltage", "rate of charge", np.zeros(1), np.ones(1), 0.05, 0.0, 0.9, 1e-9)
+    seen = CrossCorrelation("voltage", "rate of charge", np.zeros(1), np.ones(1), 0.05, 0.0, 0.9, 1e-9)
     chance = replace(seen, signal="time", p_value=0.5)
     stimuli = {name: Stimulus("constant", {"value": 0.5}) for name in ("current", "force")}
-    experiment = Separation(stimuli, 600.0, 0.1, [Expected("left", "right", 42.0)], found.selection.base)
+    experiment = DiscriminatingExperiment(
+        stimuli, 600.0, 0.1, [ExpectedEvidence("left", "right", 42.0)], found.selection.base
+    )
     more = replace(context, gain=gain, experiment=experiment, shown={"voltage": Shown([seen, chance], [], None)})
     told = words_of(page(found, more).html())
     assert "extended 0 % · 0 V" in told
@@ -427,7 +429,7 @@ def test_a_button_shows_what_was_held_out(tab, pages, made, tmp_path):
     tab.open(file, 1280)
     shown = 'document.querySelector("div.plot").layout.xaxis.range'
     tab.run("document.querySelectorAll('.views button')[1].click()")
-    time, first = found.unseen.data.time, found.unseen.first
+    time, first = found.validation.data.time, found.validation.first
     assert tab.run(shown) == pytest.approx([time[first], time[-1]])
     tab.run("document.querySelectorAll('.views button')[0].click()")
     assert tab.run(shown) == pytest.approx([time[0], time[-1]])

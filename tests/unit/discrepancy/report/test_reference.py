@@ -12,14 +12,14 @@ from fmus.kit.sensors import sensor_drift, sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.cli.diagnose import as_json
-from orchestration.discrepancy.candidates.outlook import Linearised
+from orchestration.discrepancy.candidates.outlook import LinearisedModel
 from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.design.experiment import Expected, Separation
+from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
 from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import diagnose, searched
 from orchestration.discrepancy.report.wording import sentence
-from orchestration.discrepancy.residuals.lines import Jump, Line
-from orchestration.discrepancy.selection.search import Data, Search
+from orchestration.discrepancy.residuals.lines import LevelShift, SpectralLine
+from orchestration.discrepancy.selection.search import Dataset, Search
 from orchestration.rig.emulator.records import draw
 from tests.support.command import works
 from tests.support.system.closed_loop import watched
@@ -55,7 +55,7 @@ def documented(system):
 def found():
     """A lag of the voltage's sensor, with something else that nobody looked for."""
     drawn = draw("sensor_lag.voltage", 1, duration=300.0, rate=5.0)
-    data = Data(drawn.time, drawn.inputs, drawn.outputs)
+    data = Dataset(drawn.time, drawn.inputs, drawn.outputs)
     found = diagnose(PpyActuator, data, [sensor_lag(PpyActuator, "voltage"), EFFECTS["double_layer"]])
     assert found.causes[:1] == ["sensor_lag(voltage)"]
     return found
@@ -66,7 +66,12 @@ def written(found):
     """A diagnosis in which every field has something, as others read it."""
     (step, *_), voltage = found.selection.steps, found.left["voltage"]
     rival = replace(found.selection.base, candidate=found.selection.base.candidate.with_effect(EFFECTS["double_layer"]))
-    left = replace(voltage, lines=[Line(0.8, 1e-3, 0.0)], jumps=[Jump(3.0, 1e-3, 0.0)], startled=0.0)
+    left = replace(
+        voltage,
+        lines=[SpectralLine(0.8, 1e-3, 0.0)],
+        jumps=[LevelShift(3.0, 1e-3, 0.0)],
+        excess_variance_at_input_steps=0.0,
+    )
     made = replace(
         found,
         verdict="ambiguous",
@@ -74,7 +79,9 @@ def written(found):
         left={"voltage": left},
         notes=["a note"],
     )
-    trial = Separation({"current": Stimulus("constant", {})}, 60.0, 0.1, [Expected("a", "b", 20.0)], found.final)
+    trial = DiscriminatingExperiment(
+        {"current": Stimulus("constant", {})}, 60.0, 0.1, [ExpectedEvidence("a", "b", 20.0)], found.final
+    )
     return json.loads(json.dumps(as_json(made, None, trial), allow_nan=False))
 
 
@@ -99,10 +106,10 @@ def test_units_are_told_of_numbers_and_of_nothing_else(written):
 
 def test_percent_and_shares_are_what_is_said(found):
     """Held against NumPy: 100 (1 - |y - yhat| / |y - mean(y)|), and the share that is taken off."""
-    part = slice(found.unseen.first, None)
-    for output, y in found.unseen.data.measured.items():
+    part = slice(found.validation.first, None)
+    for output, y in found.validation.data.measured.items():
         for model, errors in ((found.selection.base, found.before), (found.selection.best, found.after)):
-            left = y[part] - found.unseen.simulated(model)[output][part]
+            left = y[part] - found.validation.simulated(model)[output][part]
             share = np.linalg.norm(left) / np.linalg.norm(y[part] - y[part].mean())
             assert errors[output] == pytest.approx(share)
         fit = found.as_json()["baseline"]["holdout_fit_percent"][output]
@@ -114,7 +121,7 @@ def test_delta_bic_of_an_alternative_is_the_evidence_for_it(written, found):
     step = found.selection.steps[0]
     (alternative,) = written["alternatives"]
     assert (alternative["effect"], alternative["instead_of"]) == ("double_layer", found.causes[0])
-    fall = found.selection.base.fitted.bic - step.chosen.fitted.bic
+    fall = found.selection.base.fit.bic - step.chosen.fit.bic
     assert alternative["delta_bic"] == pytest.approx(step.gain - fall)
 
 
@@ -122,10 +129,10 @@ def test_the_colour_of_the_base_swallows_a_drift_as_the_decision_says():
     text = (DOCS / "decisions" / "0012-naming-causes.md").read_text(encoding="utf-8")
     ((scored, outlook),) = re.findall(r"scored ([\d.]+), and ([\d.]+) with", text)
     drawn = draw("sensor_drift", 1)
-    first = Data(drawn.time, drawn.inputs, drawn.outputs).part(0, round(drawn.time.size * (1.0 - HELD_OUT)))
+    first = Dataset(drawn.time, drawn.inputs, drawn.outputs).part(0, round(drawn.time.size * (1.0 - HELD_OUT)))
     search = Search(first, PpyActuator, searched(PpyActuator))
     origin = search.look(search.nominal(), [sensor_drift(PpyActuator, "voltage")])
-    model = Linearised(origin.evidence.problem, origin.evidence.fitted)
+    model = LinearisedModel(origin.evidence.problem, origin.evidence.fit)
     ((_, (lead,)),) = origin.seen.values()
     change = lead.columns, lead.least, lead.most
     assert [model.falls(*change)[0], model.outlook(*change).fall] == pytest.approx(

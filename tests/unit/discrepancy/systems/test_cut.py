@@ -17,8 +17,7 @@ from orchestration.discrepancy.systems.diagnose import Effort, diagnose_system
 from orchestration.discrepancy.systems.member import opened
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import write_record
-from orchestration.system import Member, Port, System, connect, ssp
-from orchestration.system import library as shipped
+from orchestration.system import Member, Port, System, connect, library, ssp
 from orchestration.system.model import Connection
 from tests.support.hosts import build_one_state_fmu
 from tests.support.system.closed_loop import NOISE, WATCH, measure, watched
@@ -31,7 +30,7 @@ BENCH = {
 
 def held_bench(folder, **hidden):
     """Bench over six seconds at 100 Hz."""
-    system, every = shipped.system("dma_bench"), 10
+    system, every = library.system("dma_bench"), 10
     grid = 0.01 * np.arange(600)
     inputs = {
         "force_reference": np.repeat(multilevel(grid, [0.5, 1.0, 2.0, 3.0], (0.5, 2.0), 1), every),

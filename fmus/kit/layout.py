@@ -1,0 +1,214 @@
+"""The layout of a component: its declared variables in memory order, and what is checked of them."""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from typing import Any
+
+from .declare import (
+    Declaration,
+    DiscreteDeclaration,
+    InputDeclaration,
+    OutputDeclaration,
+    ParameterDeclaration,
+    Started,
+    StateDeclaration,
+    starting,
+)
+from .errors import UserError
+
+_TYPES = ("real", "integer", "boolean")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The variables of a component in memory order; an index into :attr:`variables` is the FMI value reference.
+
+    Attributes
+    ----------
+    parameters : tuple of ParameterDeclaration
+        The start values of the states are last among them.
+    inputs : tuple of InputDeclaration
+    states : tuple of StateDeclaration
+    discretes : tuple of DiscreteDeclaration
+    outputs : tuple of OutputDeclaration
+    """
+
+    parameters: tuple[ParameterDeclaration, ...]
+    inputs: tuple[InputDeclaration, ...]
+    states: tuple[StateDeclaration, ...]
+    discretes: tuple[DiscreteDeclaration, ...]
+    outputs: tuple[OutputDeclaration, ...]
+
+    @property
+    def derivatives(self) -> list[tuple[str, str]]:
+        """Name ``der(s)`` and unit of every state's derivative, last in memory."""
+        return [(f"der({s.name})", f"{s.unit}/s") for s in self.states]
+
+    @property
+    def variables(self) -> tuple[Declaration, ...]:
+        """Every declared variable in memory order, without the derivatives."""
+        return (*self.parameters, *self.inputs, *self.states, *self.discretes, *self.outputs)
+
+    @property
+    def names(self) -> list[str]:
+        """Every name in memory order, derivatives included."""
+        return [v.name for v in self.variables] + [name for name, _ in self.derivatives]
+
+    @cached_property
+    def start_parameters(self) -> dict[str, str]:
+        """Name of each parameter that is a start value, to the name of the state that starts there."""
+        return {p.name: p.starts for p in self.parameters if p.starts is not None}
+
+    @cached_property
+    def start_of(self) -> dict[str, str]:
+        """Name of each state, continuous or discrete, to the name of the parameter that it starts at."""
+        return {state: parameter for parameter, state in self.start_parameters.items()}
+
+    @property
+    def sampled(self) -> list[tuple[str | float, tuple[DiscreteDeclaration, ...]]]:
+        """Discrete states grouped by sample period, in order of first appearance."""
+        groups: dict[str | float, list[DiscreteDeclaration]] = {}
+        for discrete in self.discretes:
+            groups.setdefault(discrete.period, []).append(discrete)
+        return [(period, tuple(members)) for period, members in groups.items()]
+
+    @property
+    def measurable(self) -> list[Declaration]:
+        """What a master can read as output: outputs, and the states declared ``output=True``."""
+        return [v for v in self.variables if isinstance(v, OutputDeclaration) or getattr(v, "output", False)]
+
+
+def extract(owner: type) -> dict[str, Declaration]:
+    """Take the declarations out of a class body, leaving an output's law as an ordinary method.
+
+    CPython reads an instance attribute fast only where the class has none of that name.
+
+    Parameters
+    ----------
+    owner : type
+
+    Returns
+    -------
+    dict of str to Declaration
+        By name.
+    """
+    declared = {name: value for name, value in vars(owner).items() if isinstance(value, Declaration)}
+    for name, declaration in declared.items():
+        if isinstance(declaration, OutputDeclaration):
+            setattr(owner, name, declaration.law)
+        else:
+            delattr(owner, name)
+    return declared
+
+
+def arrange(declarations: Iterable[Declaration]) -> Layout:
+    """Put declarations into memory order, adding the start parameter of every state.
+
+    Parameters
+    ----------
+    declarations : iterable of Declaration
+        In order of appearance, bases first.
+
+    Returns
+    -------
+    Layout
+    """
+    declared = list(declarations)
+
+    def of(kind: type) -> tuple[Any, ...]:
+        return tuple(v for v in declared if type(v) is kind)
+
+    starts = []
+    for state in (*of(StateDeclaration), *of(DiscreteDeclaration)):
+        start = ParameterDeclaration(
+            start=state.start, unit=state.unit, doc=f"value of {state.name} at the start", min=state.min, max=state.max,
+            nominal=state.nominal, display=state.display, type=state.type,
+        )  # fmt: skip
+        starts.append(starting(start, state.name))
+    parameters = (*of(ParameterDeclaration), *starts)
+    return Layout(parameters, *map(of, (InputDeclaration, StateDeclaration, DiscreteDeclaration, OutputDeclaration)))
+
+
+def check(owner: Any, layout: Layout) -> None:
+    """Check the variables of a class body, for what would otherwise show far from there.
+
+    Parameters
+    ----------
+    owner : type
+        The class; methods that its declarations name must be there unless it is abstract, without a ``name``.
+    layout : Layout
+
+    Raises
+    ------
+    UserError
+        Naming class and variable.
+    """
+    _check_variables(owner, layout)
+    if owner.name:
+        _check_references(owner, layout)
+
+
+def _check_variables(owner: Any, layout: Layout) -> None:
+    """Check each variable for itself: name, range, nominal value, type and start value."""
+    component = owner.__mro__[-2]
+    names = set()
+    # parameters last, so that a mistake in a state is not blamed on its start parameter
+    for v in (*layout.inputs, *layout.states, *layout.discretes, *layout.outputs, *layout.parameters):
+        holder = component if isinstance(v, OutputDeclaration) else owner  # the law of an output has its name
+        if not _is_name(v.name) or v.name.startswith("_"):
+            raise _mistake(owner, v, "must be named by an ASCII identifier without an underscore in front")
+        if v.name in names:
+            raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
+        if v.name in component.__annotations__ or hasattr(holder, v.name):
+            raise _mistake(owner, v, "has the name of something else in the class")
+        names.add(v.name)
+        if not v.min < v.max:
+            raise _mistake(owner, v, f"has an empty range, {_span(v)}")
+        if not 0.0 < v.nominal < inf:
+            raise _mistake(owner, v, f"has the nominal value {v.nominal:g} {v.unit}; it must be positive")
+        if v.type not in _TYPES or (v.type != "real" and isinstance(v, StateDeclaration)):
+            kinds = "there are real, integer and boolean, and a continuous state is real"
+            raise _mistake(owner, v, f"is of type {v.type!r}; {kinds}")
+        if isinstance(v, Started) and v.type == "integer" and v.start != int(v.start):
+            raise _mistake(owner, v, f"is an integer but starts at {v.start:g}")
+        if isinstance(v, Started) and not v.min <= v.start <= v.max:
+            raise _mistake(owner, v, f"starts at {v.start:g} {v.unit}, outside its range, {_span(v)}")
+
+
+def _check_references(owner: Any, layout: Layout) -> None:
+    """Check what declarations name: methods of the class, parameters of the presets and sample periods."""
+    if not _is_name(owner.name):
+        raise UserError(f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII identifier")
+    for kind, group in (("rate", layout.states), ("update", layout.discretes)):
+        for v in group:
+            law = getattr(v, kind)
+            if not callable(getattr(owner, law, None)):
+                raise _mistake(owner, v, f"has the {kind} {law!r}, which is no method of the class")
+    parameters = {p.name: p for p in layout.parameters}
+    for title, preset in owner.presets.items():
+        for name, value in preset.values.items():
+            if name not in parameters or not parameters[name].min <= value <= parameters[name].max:
+                raise UserError(f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter allows")
+    for d in layout.discretes:
+        known = d.period in parameters if isinstance(d.period, str) else 0.0 < d.period < inf
+        if not known:
+            reason = f"has the period {d.period!r}, which is neither a parameter nor a positive number of seconds"
+            raise _mistake(owner, d, reason)
+
+
+def _mistake(owner: Any, variable: Declaration, reason: str) -> UserError:
+    return UserError(f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}")
+
+
+def _span(variable: Declaration) -> str:
+    return f"{variable.min:g} to {variable.max:g} {variable.unit}"
+
+
+def _is_name(text: str) -> bool:
+    """Whether it can be a name in Python, in C and in FMI's structured naming."""
+    return text.isascii() and text.isidentifier() and not keyword.iskeyword(text)

@@ -1,0 +1,1 @@
+"""The user's functions in Python; `orchestration` hands them on."""

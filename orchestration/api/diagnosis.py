@@ -1,0 +1,285 @@
+"""Diagnosis from Python: ``ppy.diagnose`` and what it returns."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from fmus.kit import Component, files
+from fmus.kit.errors import UserError
+from orchestration.api.records import matching_record
+from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
+from orchestration.discrepancy.diagnosis import Verdict
+from orchestration.discrepancy.extended_model import export
+from orchestration.discrepancy.note import UnusableRecordError
+from orchestration.discrepancy.report import picture, terminal, wording
+from orchestration.discrepancy.report.page import page
+from orchestration.discrepancy.report.summary import summary
+from orchestration.fmu.model import Model, find_model
+from orchestration.identify.grey_box import Estimate
+from orchestration.records import Record
+from orchestration.reporting.plain import plain_text, preformatted
+from orchestration.rig import DRIVEN, HIGHEST, LIMITS
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+class Gain(NamedTuple):
+    """Normalised RMS error on data that no fit has seen, by output: of the refitted model, and of the extended one."""
+
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+@dataclass(frozen=True)
+class ProposedExperiment:
+    """The experiment that would tell more.
+
+    Attributes
+    ----------
+    design : DiscriminatingExperiment
+        Stimuli by input, duration, step and the evidence to expect.
+    component : str
+        That it is made on.
+    """
+
+    design: DiscriminatingExperiment
+    component: str
+
+    def __str__(self) -> str:
+        return wording.experiment(self.design)
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(f"{name}: {stimulus.kind}" for name, stimulus in self.design.stimuli.items())
+        return f"<ProposedExperiment {kinds}; {self.design.duration:g} s>"
+
+    def toml(self) -> str:
+        """Return it as ``ppy run`` reads it."""
+        return self.design.toml(self.component, str(self))
+
+    def to_toml(self, path: str | Path) -> Path:
+        """Write it for ``ppy run``.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        files.write(Path(path), self.toml().encode())
+        return Path(path)
+
+
+class DiagnosisResult:
+    """What a model gets wrong on a record, and what follows from it.
+
+    Parameters
+    ----------
+    result : pipeline.Result
+
+    Attributes
+    ----------
+    verdict : str
+        ``consistent``, ``recalibrate``, ``cause``, ``ambiguous`` or ``unexplained``.
+    sentence : str
+        The verdict in words.
+    causes, alternatives : list of str
+        Effects that were named, and those that this record cannot tell from them.
+    parameters : dict of str to Estimate
+        By name: ``value``, ``interval`` (95 %), ``nominal``, ``unit``; SI.
+    changed : list of str
+        Parameters that differ significantly from nominal.
+    gain : Gain
+        Errors on data that no fit has seen.
+    model : type[Component] or None
+        The extended model, with fitted values as defaults; None where nothing could be said.
+    experiment : ProposedExperiment or None
+        Where the verdict is ambiguous.
+    record : Record
+    notes : list of str
+        What could not be judged, and why.
+    """
+
+    def __init__(self, result: pipeline.Result):
+        self._result = result
+        diagnosis = result.diagnosis
+        errors = result.gain or diagnosis
+        steps = diagnosis.selection.steps
+        self.verdict: Verdict = diagnosis.verdict
+        self.sentence: str = wording.sentence(diagnosis)
+        self.causes: list[str] = diagnosis.causes
+        self.alternatives: list[str] = [e.effect_name for step in steps for e in step.alternatives]
+        self.parameters: dict[str, Estimate] = diagnosis.estimates
+        self.changed: list[str] = diagnosis.changed
+        self.gain = Gain(errors.before, errors.after)
+        self.model: type[Component] | None = result.component
+        self.experiment = ProposedExperiment(result.experiment, result.model.name) if result.experiment else None
+        self.record: Record = result.record
+        self.notes: list[str] = [wording.message(note) for note in result.notes]
+
+    @property
+    def details(self) -> pipeline.Result:
+        """Everything that the diagnosis rests on."""
+        return self._result
+
+    def __str__(self) -> str:
+        return plain_text(terminal.overview(self._result))
+
+    def __repr__(self) -> str:
+        causes = f" {', '.join(self.causes)}" if self.causes else ""
+        return f"<DiagnosisResult {self.verdict}{causes}: {self._result.model.name}, {self.record.source.name}>"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
+        return summary(self._result)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table, a row for each.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        rows = {
+            name: {"value": e.value, "low": e.interval[0], "high": e.interval[1], "nominal": e.nominal, "unit": e.unit}
+            for name, e in self.parameters.items()
+        }
+        return pandas.DataFrame.from_dict(rows, orient="index")
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the output that gained most over the validation data: measured, refitted, extended, and residuals.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        return picture.draw(self._result.diagnosis, self._result.model, None if path is None else Path(path))
+
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write the page to look at and pass on.
+
+        Parameters
+        ----------
+        path : str or Path
+            An ``.html`` file.
+        command : str
+            What made it, for the page; unless given, a command that does the same.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written, or its name does not end in ``.html``.
+        """
+        target = Path(path)
+        if target.suffix.lower() not in (".html", ".htm"):
+            raise UserError(f"{target}: the name of a report ends in .html")
+        same = ["ppy", "diagnose", str(self.record.source), "--model", self._result.model.name]
+        page(self._result, command or shlex.join(same)).write(target)
+        return target
+
+    def fmu(self, path: str | Path, platforms: Sequence[str] | None = None) -> list[Path]:
+        """Write the extended model as an FMU: the native build to the path, the Python build beside it.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``F.fmu``; the Python build goes to ``F.python.fmu``.
+        platforms : sequence of str, optional
+            FMI platforms; default every one that a compiler here can serve.
+
+        Raises
+        ------
+        UserError
+            If nothing could be said of the model, or an FMU cannot be built or written.
+        """
+        if self.model is None:
+            raise UserError(f"{path}: nothing could be said of the model, so there is nothing to make an FMU of")
+        kept = [self.record.source, *([self._result.holdout.source] if self._result.holdout else [])]
+        return export(self.model, Path(path), kept, platforms)
+
+
+def diagnose(
+    record: Record | str | Path,
+    model: Model | str = "ppy_actuator",
+    *,
+    holdout: Record | str | Path | None = None,
+    effects: Sequence[str] | None = None,
+    hold: Sequence[str] = (),
+    settings: Mapping[str, float | str] | None = None,
+    mapping: Mapping[str, str] | None = None,
+    interpolate: bool = False,
+    progress: Callable[[str], None] = lambda text: None,
+) -> DiagnosisResult:
+    """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.
+
+    Parameters
+    ----------
+    record : Record, str or Path
+        From `read_record`, or a file.
+    model : Model or str
+        A component, ``path/to/file.py:Class``, or what `find_model` returned.
+    holdout : Record, str or Path, optional
+        Another record to judge by; without it the last third of the record is held out.
+    effects : sequence of str, optional
+        Only these, as ``id`` or ``id(output)``; an empty one only recalibrates.
+    hold : sequence of str
+        Parameters that are known and not fitted.
+    settings : Mapping of str to float or str, optional
+        Values of parameters to start from, and of inputs that stayed at a value: SI, or texts with a unit.
+    mapping : Mapping of str to str, optional
+        Column of a file to signal of the model, for records that are given as files.
+    interpolate : bool
+        Whether inputs go linearly between samples; else each is held.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    DiagnosisResult
+
+    Raises
+    ------
+    UserError
+        If a record or the model cannot be used, or an effect or a parameter is unknown.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> from orchestration.rig.emulator.records import draw, write
+    >>> write(draw("strain_saturation", seed=1, duration=300.0), "hidden.csv")
+    >>> result = ppy.diagnose("hidden.csv", effects=["strain_saturation", "double_layer"])
+    >>> result.causes
+    ['strain_saturation']
+    >>> low, high = result.parameters["R1"].interval
+    """
+    subject = find_model(model) if isinstance(model, str) else model
+    texts = [f"{name}={value}" for name, value in (settings or {}).items()]
+    rig = subject.name == DRIVEN
+    options = pipeline.Options(
+        given=subject.settings(texts), effects=effects, hold=hold, interpolate=interpolate,
+        limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"),
+    )  # fmt: skip
+    measured = matching_record(record, subject, mapping)
+    judged = None if holdout is None else matching_record(holdout, subject, mapping)
+    try:
+        return DiagnosisResult(pipeline.diagnose(measured, subject, judged, options, progress))
+    except UnusableRecordError as error:
+        reasons = "; ".join(wording.message(note) for note in error.notes)
+        raise UserError(f"{measured.source}: no output can be both fitted and judged: {reasons}") from error

@@ -1,0 +1,119 @@
+"""Comparison and fit from Python: ``ppy.compare`` and ``ppy.fit``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fmus.kit import Component
+from fmus.kit.errors import UserError
+from orchestration.api.records import matching_record
+from orchestration.api.simulation import as_model
+from orchestration.fmu.model import Model
+from orchestration.identify import comparison, grey_box
+from orchestration.identify.comparison import Comparison
+from orchestration.identify.grey_box import Fit
+from orchestration.records import Record
+
+
+def compare(
+    record: Record | str | Path,
+    model: Model | type[Component] | str = "ppy_actuator",
+    *,
+    fit: Sequence[str] = (),
+    settings: Mapping[str, float | str] | None = None,
+    mapping: Mapping[str, str] | None = None,
+) -> Comparison:
+    """Hold a model against a measured record: fit in percent, RMS error, whiteness of the residual.
+
+    Parameters
+    ----------
+    record : Record, str or Path
+        From `read_record`, or a file.
+    model : Model, type[Component] or str
+        A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
+    fit : sequence of str
+        Parameters to recalibrate first; needs a model whose equations are known.
+    settings : Mapping of str to float or str, optional
+        Values that replace defaults.
+    mapping : Mapping of str to str, optional
+        Column of a file to signal of the model.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    UserError
+        If the record or the model cannot be used, or a parameter is unknown.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> from orchestration.rig.emulator.records import draw, write
+    >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
+    >>> compared = ppy.compare("clean.csv", fit=["R1", "R2", "C"])
+    >>> bool(compared.after["voltage"].fit_percent > compared.before["voltage"].fit_percent)
+    True
+    """
+    subject = as_model(model)
+    given = subject.settings([f"{name}={value}" for name, value in (settings or {}).items()])
+    return comparison.compare(subject, matching_record(record, subject, mapping), given, fit)
+
+
+def fit(
+    record: Record | str | Path,
+    model: Model | type[Component] | str,
+    names: Sequence[str],
+    *,
+    settings: Mapping[str, float | str] | None = None,
+    mapping: Mapping[str, str] | None = None,
+) -> Fit:
+    """Fit parameters so that the free-running simulation follows a record (output error, exact sensitivities).
+
+    Parameters
+    ----------
+    record : Record, str or Path
+        From `read_record`, or a file.
+    model : Model, type[Component] or str
+        Of which the equations are known.
+    names : sequence of str
+        Parameters to fit, start values of states included.
+    settings : Mapping of str to float or str, optional
+        Values of others, and starting points of those to fit.
+    mapping : Mapping of str to str, optional
+        Column of a file to signal of the model.
+
+    Returns
+    -------
+    Fit
+        ``values``, ``intervals`` and ``warnings``; SI.
+
+    Raises
+    ------
+    UserError
+        If the record or the model cannot be used, or a parameter is unknown.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> from orchestration.rig.emulator.records import draw, write
+    >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
+    >>> fitted = ppy.fit("clean.csv", "ppy_actuator", ["R1", "C"])
+    >>> sorted(fitted.values)
+    ['C', 'R1']
+    """
+    subject = as_model(model)
+    if subject.cls is None:
+        raise UserError(f"{subject.name} is an FMU without equations; name a component or file.py:Class")
+    given = subject.settings([f"{name}={value}" for name, value in (settings or {}).items()])
+    data = matching_record(record, subject, mapping)
+    n = data.time.size
+    constant = {name: np.full(n, value) for name, value in given.items() if name in subject.inputs}
+    inputs = constant | {name: values for name, values in data.signals.items() if name in subject.inputs}
+    measured = {name: values for name, values in data.signals.items() if name in subject.outputs}
+    fixed = {name: value for name, value in given.items() if name in subject.parameters}
+    return grey_box.fit(subject.cls, data.time, inputs, measured, list(names), fixed)

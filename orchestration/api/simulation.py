@@ -1,0 +1,173 @@
+"""Simulation from Python: ``ppy.simulate`` and what it returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from rich.table import Table
+
+from fmus.kit import Component
+from fmus.kit.errors import UserError, suggestion
+from fmus.kit.units import shown
+from orchestration.fmu.archive import read_description
+from orchestration.fmu.model import Model, find_model, model_of
+from orchestration.fmu.simulate import grid, plot
+from orchestration.fmu.simulate import simulate as run_fmu
+from orchestration.records import write_record
+from orchestration.reporting.plain import plain_text, preformatted
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Inputs and outputs of a model over time.
+
+    Attributes
+    ----------
+    model : Model
+    time : ndarray, shape (n,)
+        Seconds.
+    inputs, outputs : dict of str to ndarray, shape (n,)
+        In the model's units.
+    """
+
+    model: Model
+    time: Array
+    inputs: dict[str, Array]
+    outputs: dict[str, Array]
+
+    def __getitem__(self, name: str) -> Array:
+        """Values of an input or an output (n,)."""
+        return (self.inputs | self.outputs)[name]
+
+    def __str__(self) -> str:
+        table = Table(box=None, pad_edge=False)
+        for column in ("output", "smallest", "largest", "last"):
+            table.add_column(column, justify="left" if column == "output" else "right")
+        for name, values in self.outputs.items():
+            signal = self.model.outputs[name]
+            table.add_row(name, *(shown(v, signal) for v in (values.min(), values.max(), values[-1])))
+        head = f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to {self.time[-1]:g} s"
+        return f"{head}\n{plain_text(table)}"
+
+    def __repr__(self) -> str:
+        return f"<Simulation {self.model.name}: {self.time.size} points to {self.time[-1]:g} s>"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return time and signals as lists."""
+        return {"time": self.time.tolist()} | {n: v.tolist() for n, v in (self.inputs | self.outputs).items()}
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the signals as a table over time.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        return pandas.DataFrame(self.inputs | self.outputs, index=pandas.Index(self.time, name="time"))
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write a record that `read_record` reads.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        signals = self.inputs | self.outputs
+        known = {**self.model.inputs, **self.model.outputs}
+        write_record(Path(path), self.time, signals, {name: known[name].unit for name in signals})
+        return Path(path)
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw inputs and outputs over time (.png, .svg or .pdf).
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        plot(Path(path), self.model, self.time, self.inputs | self.outputs)
+        return Path(path)
+
+
+def simulate(
+    model: Model | type[Component] | str,
+    inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]] | None = None,
+    *,
+    time: ArrayLike | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    settings: Mapping[str, float | str] | None = None,
+) -> Simulation:
+    """Simulate a component or any FMU.
+
+    Parameters
+    ----------
+    model : Model, type[Component] or str
+        A component's name, an FMU file, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or what
+        `find_model` returned.
+    inputs : Mapping of str to array_like, shape (n,), or callable of time, optional
+        In the model's units, held between points; a number is held throughout.
+    time : array_like, shape (n,), optional
+        Points, s; else a grid from zero to `stop` by `step`, by default the FMU's own experiment.
+    stop, step : float, optional
+        Seconds.
+    settings : Mapping of str to float or str, optional
+        Parameters: in the model's units, or texts with a unit such as ``"6.3 N/mm"``.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    UserError
+        If there is no such model or input, a value is out of range, or the FMU fails.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> step = ppy.simulate("ppy_actuator", {"current": 0.9}, stop=30.0, settings={"R1": 0.5})
+    >>> round(float(step["charge"][-1]), 2)
+    5.61
+    """
+    subject = as_model(model)
+    if time is None:
+        own = read_description(subject.path).defaultExperiment
+        last = stop if stop is not None else float(getattr(own, "stopTime", None) or 10.0)
+        points = grid(0.0, last, step if step is not None else float(getattr(own, "stepSize", None) or last / 1000))
+    else:
+        points = np.asarray(time, dtype=float)
+    driven = {}
+    for name, values in (inputs or {}).items():
+        if name not in subject.inputs:
+            raise UserError(f"{subject.name}: no input named {name!r}{suggestion(name, subject.inputs)}")
+        given = np.asarray(values(points) if callable(values) else values, dtype=float)
+        if given.shape not in ((), points.shape):
+            raise UserError(f"{name}: {given.shape} values for {points.shape} points in time")
+        driven[name] = np.broadcast_to(given, points.shape)
+    parameters = subject.settings([f"{name}={value}" for name, value in (settings or {}).items()])
+    return Simulation(subject, points, driven, run_fmu(subject, points, driven, parameters))
+
+
+def as_model(model: Model | type[Component] | str) -> Model:
+    """Return what a user may name, or has made, as a model to run."""
+    if isinstance(model, type):
+        return model_of(model)
+    return find_model(model) if isinstance(model, str) else model

@@ -1,0 +1,86 @@
+"""What a record says of a candidate: scored without a fit, screened, and fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from fmus.kit import Effect
+from orchestration.discrepancy.candidates.candidate import Candidate, label
+from orchestration.discrepancy.candidates.outlook import PredictedImprovement
+from orchestration.discrepancy.candidates.score_test import ScoreDirection
+from orchestration.identify.prediction_error import FitResult
+from orchestration.identify.problem import Problem
+
+
+@dataclass(frozen=True)
+class FittedCandidate:
+    """A candidate fitted to a record.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    problem : Problem
+    fit : FitResult
+    """
+
+    candidate: Candidate
+    problem: Problem
+    fit: FitResult
+
+    @property
+    def effect(self) -> type[Effect]:
+        """The effect that was laid over the model last."""
+        return self.candidate.effects[-1]
+
+    @property
+    def effect_name(self) -> str:
+        """Its name."""
+        return label(self.effect)
+
+    def delta_bic(self, base: FittedCandidate, tried: int) -> float:
+        """Fall of BIC against another, less what trying many costs: twice the logarithm of their number."""
+        extra = len(self.candidate.effects) - len(base.candidate.effects)
+        return base.fit.bic - self.fit.bic - 2.0 * extra * float(np.log(max(tried, 1)))
+
+    def p_value(self, base: FittedCandidate, tried: int) -> float:
+        """Probability of such a likelihood ratio without the effect, times the number of candidates."""
+        ratio = base.fit.deviance - self.fit.deviance
+        freedom = max(self.fit.parameters - base.fit.parameters, 1)
+        return float(min(1.0, tried * chi2.sf(max(ratio, 0.0), freedom)))
+
+
+@dataclass(frozen=True)
+class ScoredModel:
+    """A fitted model, and where effects would move it.
+
+    Attributes
+    ----------
+    model : FittedCandidate
+    directions : dict of type[Effect] to tuple of Problem and list of ScoreDirection
+    """
+
+    model: FittedCandidate
+    directions: dict[type[Effect], tuple[Problem, list[ScoreDirection]]]
+
+
+@dataclass(frozen=True)
+class ScreenedCandidate:
+    """An effect that may be worth a fit.
+
+    Attributes
+    ----------
+    below : FittedCandidate
+        The model that it is laid over, from which the fit starts.
+    effect : type[Effect]
+    start : dict of str to float
+        Its parameters where the fit starts, SI.
+    predicted : PredictedImprovement
+    """
+
+    below: FittedCandidate
+    effect: type[Effect]
+    start: dict[str, float]
+    predicted: PredictedImprovement

@@ -1,0 +1,87 @@
+"""Remarks of a diagnosis: what could not be assessed, and why, as codes with their facts. Words are made elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+from fmus.kit.errors import UserError
+
+
+class NoteCode(StrEnum):
+    """What a note is about; `report.wording` says it in a sentence."""
+
+    # faults of the data
+    CLIPPED = "clipped"
+    CLIPPED_REPEATEDLY = "clipped_repeatedly"
+    STUCK = "stuck"
+    STUCK_WHILE_DRIVEN = "stuck_while_driven"
+    DEAD_CONSTANT = "dead_constant"
+    DEAD_TOGGLING = "dead_toggling"
+    DEAD_TO_THE_END = "dead_to_the_end"
+    DEAD_WHILE_DRIVEN = "dead_while_driven"
+    OUTLIERS = "outliers"
+    QUANTISED = "quantised"
+    UNUSABLE = "unusable"
+    NOTHING_USABLE = "nothing_usable"
+    # how far the data reach
+    CONSTANT_INPUT = "constant_input"
+    NO_EXCITATION = "no_excitation"
+    EXCITATION_BELOW_NOISE = "excitation_below_noise"
+    UNKNOWN_START = "unknown_start"
+    ABSENT_INPUT = "absent_input"
+    TOO_FEW_SAMPLES = "too_few_samples"
+    ENDS_EARLY = "ends_early"
+    MANY_GAPS = "many_gaps"
+    NOT_IN_VALIDATION_DATA = "not_in_validation_data"
+    # effects
+    NO_TRACE = "no_trace"
+    UNIDENTIFIABLE = "unidentifiable"
+    NOT_SIMULATED = "not_simulated"
+    NOT_VALIDATED = "not_validated"
+    CONFOUNDED = "confounded"
+    # results
+    IMPLAUSIBLE = "implausible"
+    NO_GAIN = "no_gain"
+    FMU_FAILED = "fmu_failed"
+    NO_EXPERIMENT = "no_experiment"
+
+
+@dataclass(frozen=True)
+class Note:
+    """One remark.
+
+    Attributes
+    ----------
+    code : NoteCode
+    subject : str
+        Signal, parameter or effect that it is about; empty where it is about all of them.
+    facts : Mapping of str to Any
+        Figures and names that its sentence needs.
+    held_out : bool
+        Whether it is about the record that was held out.
+    """
+
+    code: NoteCode
+    subject: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    held_out: bool = False
+
+    def of_holdout(self) -> Note:
+        """The same, said of the record that was held out."""
+        return replace(self, held_out=True)
+
+
+class UnusableRecordError(UserError):
+    """Nothing can be said on a record; `notes` tell why.
+
+    Parameters
+    ----------
+    notes : sequence of Note
+    """
+
+    def __init__(self, notes: Sequence[Note]):
+        self.notes = list(notes)
+        super().__init__("; ".join(" ".join(filter(None, (note.subject, note.code))) for note in notes))

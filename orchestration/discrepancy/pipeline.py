@@ -1,0 +1,193 @@
+"""The whole of a diagnosis: record and model in; verdict, extended model, gain and next experiment out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmus.kit import Component, Effect
+from fmus.kit.build import build_cached
+from fmus.kit.errors import UserError, suggestion
+from orchestration.discrepancy.candidates.candidate import catalogue, label
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
+from orchestration.discrepancy.design.stimuli import Limits
+from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
+from orchestration.discrepancy.diagnosis import diagnose as _diagnose
+from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.fmu.model import Model
+from orchestration.fmu.model import catalogue as known_effects
+from orchestration.records import Record
+
+
+@dataclass(frozen=True)
+class Options:
+    """What may be asked of a diagnosis beside a record and a model.
+
+    Attributes
+    ----------
+    given : Mapping of str to float
+        Values of parameters where the search starts, and of inputs that stayed at a value, SI.
+    effects : sequence of str, optional
+        Effects to consider, as ``id`` or ``id(output)``; all of the catalogue unless given.
+    hold : sequence of str
+        Parameters that are known and not fitted.
+    interpolate : bool
+        Whether inputs go linearly between samples; else each is held.
+    limits : Mapping of str to tuple of float, optional
+        Of the rig by input, SI, within which an experiment is designed.
+    highest_frequency : float
+        Hz, of the rig, above which nothing may be in a designed stimulus.
+    """
+
+    given: Mapping[str, float] = field(default_factory=dict)
+    effects: Sequence[str] | None = None
+    hold: Sequence[str] = ()
+    interpolate: bool = False
+    limits: Limits | None = None
+    highest_frequency: float = np.inf
+
+
+@dataclass(frozen=True)
+class Result:
+    """A diagnosis with what follows from it.
+
+    Attributes
+    ----------
+    record, holdout : Record
+        The latter is None where the end of the record was held out.
+    model : Model
+    effects : list of type[Effect]
+        The catalogue that was considered.
+    diagnosis : Diagnosis
+    component : type[Component] or None
+        The best model with fitted defaults; None where nothing could be said.
+    gain : Gain or None
+        What its FMU gains on the validation data.
+    experiment : DiscriminatingExperiment or None
+        Where the verdict is ambiguous, the experiment that would tell more.
+    notes : list of Note
+        What could not be assessed, and why.
+    """
+
+    record: Record
+    holdout: Record | None
+    model: Model
+    effects: list[type[Effect]]
+    diagnosis: Diagnosis
+    component: type[Component] | None
+    gain: Gain | None
+    experiment: DiscriminatingExperiment | None
+    notes: list[Note]
+
+
+def diagnose(
+    record: Record,
+    model: Model,
+    holdout: Record | None = None,
+    options: Options | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Result:
+    """Tell what a model gets wrong on a record, extend it, and measure the gain.
+
+    Parameters
+    ----------
+    record : Record
+    model : Model
+        Of which the equations are known.
+    holdout : Record, optional
+        Another record to judge by; without it the last third of the record is held out.
+    options : Options, optional
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    UserError
+        If a record or the model cannot be used, or an effect or a parameter is unknown.
+    """
+    chosen = options or Options()
+    if model.cls is None:
+        raise UserError(f"{model.name} is an FMU without equations; name a component or file.py:Class")
+    for name in chosen.hold:
+        if name not in model.parameters:
+            raise UserError(f"hold: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
+    data = dataset(record, model, chosen.given, chosen.interpolate)
+    judged = None
+    if holdout is not None:
+        judged = dataset(holdout, model, chosen.given, chosen.interpolate).only(list(data.measured))
+        if not judged.measured:
+            outputs = ", ".join(data.measured)
+            raise UserError(f"{holdout.source}: it has none of the outputs of the record, {outputs}")
+    effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
+    fixed = {n: value for n, value in chosen.given.items() if n in model.parameters}
+    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold)
+    notes = [
+        *_absent(model, record, chosen.given),
+        *(_absent(model, holdout, chosen.given) if holdout is not None else []),
+        *diagnosis.notes,
+    ]
+    component = gain = experiment = None
+    if not diagnosis.inconclusive:
+        component = extended(diagnosis, record.source.name)
+        progress("running the extended FMU over the validation data")
+        try:
+            gain = measured_gain(diagnosis, build_cached(component, "native"))
+        except UserError as error:  # the diagnosis stands without it
+            notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": str(error)}))
+    if diagnosis.verdict is Verdict.AMBIGUOUS:
+        try:
+            limits, highest = chosen.limits, chosen.highest_frequency
+            experiment = design(diagnosis.selection, data, limits, highest, None, progress)
+        except UserError as error:  # the diagnosis stands without it
+            notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": str(error)}))
+    return Result(record, holdout, model, effects, diagnosis, component, gain, experiment, notes)
+
+
+def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool = False) -> Dataset:
+    """Inputs and real outputs of a record; inputs that are absent are constant, as given or as they start.
+
+    Parameters
+    ----------
+    record : Record
+    model : Model
+    given : Mapping of str to float
+        Of inputs, SI.
+    interpolate : bool
+        Whether inputs go linearly between samples.
+    """
+    own = {n: value for n, value in given.items() if n in model.inputs}
+    constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | own
+    inputs = {n: np.full(record.time.size, value) for n, value in constant.items()}
+    inputs |= {n: values for n, values in record.signals.items() if n in model.inputs and n not in own}
+    real = {n for n, signal in model.outputs.items() if signal.type == "real"}
+    measured = {n: values for n, values in record.signals.items() if n in real}
+    return Dataset(record.time, inputs, measured, interpolate)
+
+
+def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[Note]:
+    """Inputs that are neither in a record nor given."""
+    return [
+        Note(NoteCode.ABSENT_INPUT, n, {"record": record.source.name, "value": signal.start, "unit": signal.unit})
+        for n, signal in model.inputs.items()
+        if signal.type == "real" and n not in record.signals and n not in given
+    ]
+
+
+def _considered(known: Sequence[type[Effect]], wanted: Sequence[str] | None) -> list[type[Effect]]:
+    """Pick effects by id, with or without an output; all unless some are wanted."""
+    if wanted is None:
+        return list(known)
+    names = {label(effect): effect for effect in known}
+    ids = {effect.id for effect in known}
+    for name in wanted:
+        if name not in names and name not in ids:
+            raise UserError(f"effects: no effect named {name!r}{suggestion(name, [*ids, *names])}")
+    return [effect for effect in known if effect.id in wanted or label(effect) in wanted]

@@ -1,0 +1,76 @@
+"""A diagnosis as a dictionary, ready for JSON: the form of the design, section 8, and what the project adds to it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.pipeline import Result
+from orchestration.discrepancy.report import wording
+from orchestration.identify.grey_box import Estimate
+from orchestration.identify.metrics import number
+
+
+def summary(result: Result) -> dict[str, Any]:
+    """Gather the figures of a diagnosis; numbers SI, no NaN nor infinity (null instead).
+
+    The errors are those of the FMUs where they were run, else those of the simulation.
+    """
+    diagnosis, errors = result.diagnosis, result.gain or result.diagnosis
+    figures = {
+        "verdict": str(diagnosis.verdict),
+        "baseline": {
+            "holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in diagnosis.before.items()},
+        },
+        "parameters": {name: _estimate(e) for name, e in diagnosis.estimates.items()},
+        "changed": diagnosis.changed,
+        "causes": _causes(diagnosis),
+        "alternatives": _alternatives(diagnosis),
+        "gain": {
+            "holdout_nrmse_before": {o: number(e) for o, e in errors.before.items()},
+            "holdout_nrmse_after": {o: number(e) for o, e in errors.after.items()},
+            "residual_white_after": all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values()),
+        },
+        "notes": [
+            {"code": str(note.code), "subject": note.subject, "message": wording.message(note)} for note in result.notes
+        ],
+        "residuals": {
+            output: {
+                "lines_hz": [line.frequency for line in analysis.lines],
+                "level_shifts_s": [shift.time for shift in analysis.level_shifts],
+                "structure": [wording.structure(item, output) for item in analysis.structure],
+            }
+            for output, analysis in diagnosis.residuals.items()
+        },
+    }
+    return figures | ({"experiment": result.experiment.as_json()} if result.experiment else {})
+
+
+def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    best, causes = diagnosis.selection.best, []
+    for step in diagnosis.selection.steps:
+        effect = step.chosen.effect
+        own = [name for name in best.candidate.parameters if name in effect.declared]
+        causes.append({
+            "effect": effect.id, "component": diagnosis.selection.base.candidate.cls.name,
+            **({"output": effect.output} if effect.output else {}),
+            "parameters": {name: _estimate(diagnosis.estimates[name]) for name in own},
+            "evidence": {"delta_bic": step.gain, "p_value": step.p_value},
+        })  # fmt: skip
+    return causes
+
+
+def _alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    return [
+        {
+            "effect": alternative.effect_name,
+            "instead_of": step.chosen.effect_name,
+            "delta_bic": step.gain + step.chosen.fit.bic - alternative.fit.bic,
+        }
+        for step in diagnosis.selection.steps
+        for alternative in step.alternatives
+    ]
+
+
+def _estimate(e: Estimate) -> dict[str, Any]:
+    return {"value": e.value, "ci95": [number(end) for end in e.interval], "nominal": e.nominal, "unit": e.unit}

@@ -1,0 +1,68 @@
+"""A diagnosis on a terminal: the verdict, its notes, and tables of errors, evidence and parameters."""
+
+from __future__ import annotations
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from fmus.kit.units import shown
+from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.pipeline import Result
+from orchestration.discrepancy.report import wording
+from orchestration.reporting.console import plain_table
+
+_REJECTED = 5  # effects that were tried in vain, of which the evidence is shown
+
+
+def overview(result: Result) -> Group:
+    """Return what ``ppy diagnose`` prints."""
+    diagnosis, errors = result.diagnosis, result.gain or result.diagnosis
+    parts: list[RenderableType] = [
+        Text.assemble((diagnosis.verdict, "bold"), "  ", wording.sentence(diagnosis)),
+        *(Text(wording.message(note)) for note in result.notes),
+        *(Text(line) for line in _changes(diagnosis)),
+        Text(),
+    ]
+    rows = plain_table("error where nothing was fitted, rms over the spread of the signal", "output", "before", "after")
+    for output, before in errors.before.items():
+        rows.add_row(output, f"{before:.4g}", f"{errors.after[output]:.4g}")
+    parts += [rows, Text()]
+    if diagnosis.selection.steps or diagnosis.selection.rejected:
+        parts += [_evidence(diagnosis), Text()]
+    parts.append(_parameters(diagnosis))
+    if result.experiment:
+        parts.append(Text(wording.experiment(result.experiment)))
+    return Group(*parts)
+
+
+def _changes(diagnosis: Diagnosis) -> list[str]:
+    """By how much parameters differ from nominal."""
+    declared, lines = diagnosis.selection.best.problem.declared, []
+    for name in diagnosis.changed:
+        e, p = diagnosis.estimates[name], declared[name]
+        times = f", times {e.value / e.nominal:.3g}" if e.nominal else ""
+        lines.append(f"{name} differs: {shown(e.value, p)} instead of {shown(e.nominal, p)}{times}")
+    return lines
+
+
+def _evidence(diagnosis: Diagnosis) -> Table:
+    rows = plain_table("evidence", "effect", "fall of BIC", "verdict")
+    for step in diagnosis.selection.steps:
+        rows.add_row(step.chosen.effect_name, f"{step.gain:.1f}", "named")
+        for alternative in step.alternatives:
+            fall = step.gain - (alternative.fit.bic - step.chosen.fit.bic)
+            rows.add_row(alternative.effect_name, f"{fall:.1f}", "not told apart")
+    for candidate, fall in diagnosis.selection.rejected[:_REJECTED]:
+        rows.add_row(candidate.effect_name, f"{fall:.1f}", "rejected")
+    return rows
+
+
+def _parameters(diagnosis: Diagnosis) -> Table:
+    declared = diagnosis.selection.best.problem.declared
+    rows = plain_table("parameters", "name", "value", "95 % interval", "nominal")
+    for name, e in diagnosis.estimates.items():
+        p = declared[name]
+        interval = " … ".join(shown(end, p) for end in e.interval)
+        rows.add_row(name, shown(e.value, p), interval, shown(e.nominal, p))
+    return rows

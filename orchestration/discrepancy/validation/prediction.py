@@ -1,0 +1,137 @@
+"""What a fitted model predicts of the validation data: that is what it is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.data.holdout import ValidationData
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.selection.stepwise import Selection
+from orchestration.identify.levenberg_marquardt import minimise
+from orchestration.identify.noise import Noise
+from orchestration.identify.problem import Problem
+
+Array = NDArray[np.float64]
+_RIDGE = 1e-9  # relative, to what is known of a parameter
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A fitted model over the validation data.
+
+    Attributes
+    ----------
+    model : FittedCandidate
+    simulated : dict of str to ndarray, shape (n,)
+        Outputs over the whole of the data, SI.
+    sensitivities : dict of str to ndarray, shape (n, p)
+        Their derivatives by the searched coordinates.
+    errors : dict of str to float
+        Normalised RMS error of every output, where nothing was fitted.
+    """
+
+    model: FittedCandidate
+    simulated: dict[str, Array]
+    sensitivities: dict[str, Array]
+    errors: dict[str, float]
+
+
+def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
+    """Parameters with which a fitted model is simulated over validation data, start values included, SI.
+
+    In a record of its own the start values are estimated on the samples before those that are judged.
+    """
+    values = model.problem.start | model.fit.values
+    if validation.continued:
+        return values
+    layout, before = model.candidate.cls.layout, validation.data.part(0, validation.first)
+    starts = [layout.start_of[state.name] for state in layout.states]
+    if not starts:
+        return values
+    problem = Problem(model.candidate.cls, before.time, before.inputs, before.measured, starts, values, before.linear)
+    low, high = problem.bounds()
+
+    def weighted(which: int, q: Array) -> Array:
+        parts = problem.evaluate(q)[which]
+        return np.concatenate([parts[o] / model.fit.noise[o].deviation for o in parts])
+
+    q = minimise(lambda q: weighted(0, q), lambda q: weighted(1, q), problem.position(problem.start), low, high)
+    return values | problem.values(q)
+
+
+def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
+    """Simulate a fitted model over validation data.
+
+    Raises
+    ------
+    UserError
+        If the simulation fails.
+    """
+    problem, data = model.problem, validation.data
+    ran = problem.model.run(data.time, data.inputs, parameters_on(validation, model))
+    by = np.array([scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)])
+    signals = {o: ran.signals[o] for o in data.measured}
+    return Prediction(model, signals, {o: ran.sensitivities[o] * by for o in signals}, validation.nrmse(signals))
+
+
+def predictive_deviance(validation: ValidationData, prediction: Prediction, noise: Mapping[str, Noise]) -> float:
+    """Minus twice the logarithm of how likely a model makes the validation data, in noise that is given.
+
+    What the fit left open in the parameters is granted: with their covariance P and the derivatives J of the
+    innovations r, the innovations have the covariance I + J P J'. In a record of its own nothing is granted to where
+    the states start, which was estimated on its first samples.
+    """
+    model, residuals, slopes = prediction.model, [], []
+    declared = model.problem.declared
+    granted = np.array([validation.continued or not declared[name].starts for name in model.problem.names])
+    for output, y in validation.data.measured.items():
+        present = np.isfinite(y)
+        present[: validation.first] = False
+        residuals.append(noise[output].whiten((y - prediction.simulated[output])[present], present))
+        slopes.append(noise[output].whiten(-prediction.sensitivities[output][present] * granted, present))
+    fit, problem = model.fit, model.problem
+    seen = np.vstack([noise[o].whiten(j, problem.present[o]) for o, j in problem.evaluate(fit.q)[1].items()])
+    r, j = np.concatenate(residuals), np.concatenate(slopes)
+    information = seen.T @ seen + np.diag(fit.prior_precision)
+    return float(r @ r) - _parameter_uncertainty(information, j.T @ j, j.T @ r)
+
+
+def _parameter_uncertainty(information: Array, added_information: Array, gradient: Array) -> float:
+    """How much less the deviance is because parameters are uncertain: less misfit, more spread."""
+    scale = np.sqrt(np.diag(information + added_information))
+    seen = scale > 0.0
+    outer = np.outer(scale[seen], scale[seen])
+    ridge = _RIDGE * np.eye(seen.sum())
+    before = information[np.ix_(seen, seen)] / outer + ridge
+    after = before + added_information[np.ix_(seen, seen)] / outer
+    p = gradient[seen] / scale[seen]
+    return float(p @ np.linalg.solve(after, p) - np.linalg.slogdet(after)[1] + np.linalg.slogdet(before)[1])
+
+
+def validated(selection: Selection, validation: ValidationData) -> tuple[Selection, list[Prediction], list[Note]]:
+    """Keep the steps that make the validation data more likely.
+
+    Returns
+    -------
+    selection : Selection
+    predictions : list of Prediction
+        Of the base model and of every step that is kept.
+    notes : list of Note
+        What is not claimed.
+    """
+    models = [selection.base, *(step.chosen for step in selection.steps)]
+    predictions = [predict(validation, models[0])]
+    for k, richer in enumerate(models[1:]):
+        prediction, noise = predict(validation, richer), richer.fit.noise
+        before = predictive_deviance(validation, predictions[-1], noise)
+        if predictive_deviance(validation, prediction, noise) >= before:
+            dropped = tuple(model.effect_name for model in models[k + 1 :])
+            note = Note(NoteCode.NOT_VALIDATED, ", ".join(dropped))
+            return replace(selection, steps=selection.steps[:k]), predictions, [note]
+        predictions.append(prediction)
+    return selection, predictions, []

@@ -1,0 +1,99 @@
+"""Models of a user: a class in a Python file, named as ``path/to/file.py:Class``."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import traceback
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from fmus.kit.errors import UserError, suggestion
+
+if TYPE_CHECKING:
+    from fmus.kit import Component
+
+
+def names_class(name: str) -> bool:
+    """Whether it is ``path/to/file.py:Class``."""
+    return name.rpartition(":")[0].endswith(".py")
+
+
+def load_class(place: str) -> type[Component]:
+    """Load a model that is not ours.
+
+    Parameters
+    ----------
+    place : str
+        ``path/to/file.py:Class``.
+
+    Returns
+    -------
+    type[Component]
+        The same one while the file stays as it is.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or run, or has no such component.
+    """
+    from fmus.kit import Component
+
+    file, colon, name = place.rpartition(":")
+    if not (colon and file and name):
+        raise UserError(f"{place}: write path/to/file.py:Class")
+    path = Path(file)
+    module = _load(path)
+    cls: Any = getattr(module, name, None)
+    models = [n for n, c in vars(module).items() if is_subclass(c, Component) and c.__module__ == module.__name__]
+    if cls is None:
+        raise UserError(f"{path}: there is no class {name!r} in it{suggestion(name, models)}")
+    if not is_subclass(cls, Component):
+        raise UserError(f"{path}: {name} is not a Component{suggestion(name, models)}")
+    if not cls.name:
+        raise UserError(
+            f"{path}: {name} has no name, so it is a base or an effect and no model{suggestion(name, models)}"
+        )
+    loaded: type[Component] = cls
+    return loaded
+
+
+def is_subclass(thing: object, base: type) -> bool:
+    """Whether it is a class, and one derived from a base."""
+    return isinstance(thing, type) and issubclass(thing, base)
+
+
+def _load(path: Path) -> ModuleType:
+    """Run a user's file as a module, once for each of its contents."""
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    name = f"{path.stem}_{sha256(str(path.resolve()).encode() + text).hexdigest()[:12]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise UserError(f"{path}: is not a Python file")
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[name]
+        if isinstance(error, (KeyboardInterrupt, GeneratorExit)):
+            raise
+        raise UserError(_in_one_line(path, error)) from error
+    return module
+
+
+def _in_one_line(path: Path, error: BaseException) -> str:
+    """Say what went wrong in a file, and in which line of it."""
+    if isinstance(error, SyntaxError):
+        where, what = error.lineno, f"{type(error).__name__}: {error.msg}"
+    else:
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path]
+        where, what = (lines or [None])[-1], str(error) if isinstance(error, UserError) else ""
+        what = what or ": ".join(filter(None, (type(error).__name__, str(error))))
+    return f"{path}{f', line {where}' if where else ''}: {' '.join(what.split())}"
