@@ -107,17 +107,14 @@ def plans() -> dict[str, Plan]:
 
 
 def places(plan: Plan) -> dict[str, tuple[float, float]]:
-    """Middle of every box; floors of one box stand left and right in turn, so that long arrows pass them."""
-    pitch, high = BOX[0] + GAP, BOX[1]
-    middle = EDGE + max(map(len, plan.floors)) * pitch / 2.0
-    at, aside = {}, 0.6 * pitch
+    """Middle of every box; floors but the widest stand left and right in turn, so that long arrows pass by boxes."""
+    pitch, high, widest = BOX[0] + GAP, BOX[1], max(map(len, plan.floors))
+    at, side = {}, 1.0
     for k, floor in enumerate(plan.floors):
-        if len(floor) == 1 and 0 < k < len(plan.floors) - 1:
-            shift, aside = aside, -aside
-        else:
-            shift = 0.0
+        shift = 0.0 if len(floor) == widest else side * (0.6 if len(floor) == 1 else 0.25) * pitch
+        side = -side if shift else side
         for i, box in enumerate(floor):
-            x = middle + shift + (i + 0.5 - len(floor) / 2.0) * pitch
+            x = EDGE + shift + (i + 0.5 + (widest - len(floor)) / 2.0) * pitch
             at[box] = x, EDGE + k * FLOOR + high / 2.0
     return at
 
