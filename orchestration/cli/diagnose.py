@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,8 @@ from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import write
 from fmus.kit.units import shown
+from orchestration.cli.models import model_file, open_model
+from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.design.experiment import Separation, design
 from orchestration.discrepancy.diagnosis import Diagnosis, diagnose
@@ -26,7 +27,7 @@ from orchestration.fmu.model import Model
 from orchestration.identify.comparison import read_for
 from orchestration.identify.metrics import number
 from orchestration.records import Record, parse_mapping
-from orchestration.reporting.console import out, plain_table, progress, tell_repairs
+from orchestration.reporting.console import out, plain_table, progress, tell_repairs, wrote
 from orchestration.rig.emulator import DRIVEN, HIGHEST, LIMITS
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ class Files:
         Another record to judge by.
     result, report, fmu, experiment : Path, optional
         JSON, HTML, FMU and TOML to write.
+    platforms : sequence of str, optional
+        FMI platforms to build the FMU for; default is every one that a compiler here can serve.
     """
 
     record: Path
@@ -52,6 +55,7 @@ class Files:
     report: Path | None = None
     fmu: Path | None = None
     experiment: Path | None = None
+    platforms: Sequence[str] | None = None
 
     def check(self, sources: Sequence[Path] = ()) -> None:
         """Refuse, before any work is done, names under which nothing can be written or something would be lost.
@@ -69,43 +73,28 @@ class Files:
         read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
         written = {"--json": self.result, "--report": self.report, "--experiment": self.experiment}
         if self.fmu is not None:
-            written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, filter(None, read.values())).items()}
-        for option, path in written.items():
-            if path is None:
-                continue
-            if _is_there(option, path) and path.is_dir():
-                raise UserError(f"{option} {path}: this is a folder; name a file in it")
-            for what, source in read.items():
-                if source is not None and _same(path, source):
-                    raise UserError(f"{option} {path}: this is {what} itself; it will not be overwritten")
-        named = [(option, path) for option, path in written.items() if path is not None]
-        for k, (option, path) in enumerate(named):
-            for other, place in named[:k]:
-                if _same(path, place):
-                    raise UserError(f"{other} and {option} both name {path}")
-        if self.report is not None and self.report.suffix.lower() not in (".html", ".htm"):
-            raise UserError(f"--report {self.report}: its name must end in .html")
-        if self.experiment is not None and self.experiment.suffix.lower() != ".toml":
-            raise UserError(f"--experiment {self.experiment}: its name must end in .toml")
-        if self.holdout is not None and _same(self.record, self.holdout):
+            written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, ()).items()}
+        Outputs(read, written, {"--json": JSON, "--report": PAGE, "--experiment": (".toml",)}).check()
+        if self.holdout is not None and same_file(self.record, self.holdout):
             raise UserError(f"--holdout {self.holdout}: this is the record itself; nothing would be held out")
 
 
 def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], wanted: Sequence[str],
-    command: Sequence[str], held: Sequence[str] = (), linear: bool = False,
+    command: Sequence[str], held: Sequence[str] = (), linear: bool = False, effects: Sequence[str] = (),
 ) -> Diagnosis:  # fmt: skip
     """Do ``ppy diagnose``; the command is told in the report, parameters that are held keep their values.
+
+    The effects are laid over the model before it is judged.
 
     Raises
     ------
     UserError
         If a record or the model cannot be used, an effect is unknown, or something could not be written.
     """
-    files.check([Path(name.rpartition(":")[0])] if models.names_class(name) else [])
+    files.check([file] if (file := model_file(name)) else [])
+    model = open_model(name, effects=effects)
     with progress() as tell:
-        tell(f"building {name} unless it is there")
-        model = models.find_model(name)
         if model.cls is None:
             raise UserError(f"{name} is an FMU without equations; name a component (see ppy list) or file.py:Class")
         given, renamed = model.settings(settings), parse_mapping(mapping)
@@ -143,11 +132,9 @@ def run(
             made.append(files.experiment)
     elif files.experiment is not None:
         out.print(f"nothing is to be told apart: {files.experiment} was not written", markup=False)
-    if files.result is not None:
-        text = json.dumps(as_json(found, gain, trial), indent=2, allow_nan=False)
-        write(files.result, text.encode())
-    for path in filter(None, (files.result, files.report, *made)):
-        out.print(f"wrote {path}", markup=False)
+    write_json(files.result, as_json(found, gain, trial))
+    for path in filter(None, (files.report, *made)):
+        wrote(path)
     return found
 
 
@@ -160,7 +147,7 @@ def _extended(found: Diagnosis, files: Files, tell: Callable[[str], None]) -> tu
     cls = extended(found, files.record.name)
     made = []
     if files.fmu is not None:
-        made = export(cls, files.fmu, filter(None, (files.record, files.holdout)), progress=tell)
+        made = export(cls, files.fmu, filter(None, (files.record, files.holdout)), files.platforms, tell)
     tell("running the extended FMU over the part held out")
     try:
         return measured_gain(found, made[0] if made else build_cached(cls, "native")), made
@@ -190,17 +177,6 @@ def as_json(found: Diagnosis, gain: Gain | None, trial: Separation | None) -> di
             "holdout_nrmse_after": {o: number(e) for o, e in gain.after.items()},
         }
     return figures | ({"experiment": trial.as_json()} if trial else {})
-
-
-def _same(a: Path, b: Path) -> bool:
-    return a.absolute() == b.absolute() or (a.exists() and b.exists() and a.samefile(b))
-
-
-def _is_there(option: str, path: Path) -> bool:
-    try:
-        return path.exists()
-    except OSError as error:  # such as a name that is too long
-        raise UserError(f"{option} {path}: {error.strerror}") from error
 
 
 def _data(model: Model, record: Record, given: Mapping[str, float]) -> Data:
