@@ -16,6 +16,7 @@ from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.units import shown, shown_difference
 from orchestration.api.diagnosis import DiagnosisResult, diagnose
+from orchestration.cli import compare as screen_compare
 from orchestration.experiment import waveforms
 from orchestration.fmu import simulate
 from orchestration.fmu.model import Model, find_model
@@ -77,7 +78,7 @@ def run(out: Path) -> Path:
         after = comparing.compare(model, unseen, first.fit.values if first.fit else {})
         tell("drawing")
         comparing.plot(first, out / "compare.png")
-    screen.show(first)
+    screen_compare.show(first)
     for name, judged in after.before.items():
         print(f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % -> {judged.fit_percent:.1f} % fit")
     print(f"\nthe same rig, but its films stop growing around {_GROWN:g} C, and no model was told")

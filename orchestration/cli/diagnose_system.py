@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fmus.kit import files
 from fmus.kit.errors import UserError
+from orchestration.cli.outputs import JSON, Outputs, write_json
 from orchestration.discrepancy.report.system_json import as_json
 from orchestration.discrepancy.report.system_wording import sentence, why
 from orchestration.discrepancy.report.wording import most_telling
@@ -32,16 +31,11 @@ def run(
     unfit = [option for option, value in others.items() if value is not None]
     if unfit:
         raise UserError(f"{unfit[0]} is about one model; --system tells which member to name with --model")
-    if result is not None and result.is_dir():
-        raise UserError(f"--json {result}: this is a folder; name a file in it")
-    if result is not None and any(p.exists() and result.exists() and result.samefile(p) for p in (record, system)):
-        raise UserError(f"--json {result}: this is what is read; it will not be overwritten")
+    Outputs({"the record": record, "the system": system}, {"--json": result}, {"--json": JSON}).check()
     with progress() as tell:
         diagnosis = diagnose_system(record, system, mapping, settings, tell)
     show(diagnosis, record.name)
-    if result is not None:
-        files.write(result, json.dumps(as_json(diagnosis), indent=2, allow_nan=False).encode())
-        out.print(f"wrote {result}", markup=False)
+    write_json(result, as_json(diagnosis))
 
 
 def show(diagnosis: SystemDiagnosis, record: str) -> None:

@@ -13,7 +13,6 @@ from fmus import COMPONENTS, component
 from fmus.kit import stack
 from fmus.kit.build import RUNTIMES
 from tests.contract.models import DoubledVoltage, Oscillator, Sampler
-from tests.contract.moves import go, schedule
 from tests.contract.raw import Instance, Library, instance, unzipped
 from tests.contract.schedule import go, schedule
 from tests.contract.subjects import actuators_only
