@@ -21,8 +21,8 @@ from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import suggestion
 from orchestration.cli import app as cli
 from orchestration.rig.emulator.emulator import EmulatedRig
+from tests.support.archives import edited
 from tests.unit.cli.test_app import measure, ppy
-from tests.unit.fmu.test_instance import edited
 
 HERE = host_platform()
 EARLIER = "the result of earlier work\n"

@@ -14,8 +14,8 @@ import pytest
 from fmus import component
 from orchestration.system import Connection, Member, Port, System, library, ssp
 from tests.support.hosts import NANOSECONDS, HostError, build_one_state_fmu, finish_in_subprocess
+from tests.support.system.archives import BINDINGS, INLINE, NAMESPACES, repacked
 from tests.support.system.hosts import member_of_archive, run_ecos_ssp, run_fmpy_ssp, run_libcosim_ssp, run_own_ssp
-from tests.unit.system.test_ssp import BINDINGS, INLINE, NAMESPACES, repacked
 
 MASTERS = {"ours": run_own_ssp, "fmpy": run_fmpy_ssp, "libcosim": run_libcosim_ssp, "Ecos": run_ecos_ssp}
 # inputs, steps, outputs that follow from the states, and outputs that answer at once to an input
@@ -76,6 +76,21 @@ def _same_a_step_later(tables):
             close(tables[other][signal][1:], tables["ours"][signal][:-1])
     for signal in ("actuator.charge", "estimator.R1"):
         close(tables["Ecos"][signal], tables["libcosim"][signal])
+
+
+def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
+    """Where outputs are read before inputs are set, what is measured is a step old; Ecos reads it after."""
+    held = {"charge_start": 2.0, "current": 0.0, "force": 0.0}
+    actuator = Member.of("actuator", component("ppy_actuator"), held, runtime)
+    system = library.with_voltmeter(System("meter", (actuator,), (), step=0.1), "actuator.voltage", runtime)
+    path, error, (voltage, measured) = exported(system), 0.25, ("actuator.voltage", "voltmeter.measured_voltage")
+    for name, run in MASTERS.items():
+        found = run(path, system.step, 10, {"voltmeter.error": error}, [voltage, measured])
+        assert np.ptp(found[voltage]) > 0.01
+        if name == "Ecos":
+            close(found[measured], found[voltage] + error)
+        else:
+            close(found[measured][1:], found[voltage][:-1] + error)
 
 
 def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):

@@ -130,7 +130,7 @@ def test_build_runtime_builds_only_that(tmp_path):
 
 
 def test_check_tells_errors_by_its_exit_code(fmu, tmp_path):
-    from tests.unit.fmu.test_instance import edited
+    from tests.support.archives import edited
 
     spoilt = edited(
         fmu("ppy_actuator", "native"), tmp_path / "spoilt.fmu",

@@ -1,7 +1,6 @@
 """Claims: any co-simulation FMU runs, its failures are one readable line, and nothing is left behind."""
 
 import gc
-import zipfile
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,19 +17,10 @@ from orchestration.fmu.archive import read_description
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import find_model
 from orchestration.fmu.simulate import simulate_instance
+from tests.support.archives import edited
 from tests.support.kit_samples import Thermostat
 
 TIME = np.linspace(0.0, 30.0, 61)
-
-
-def edited(source, target, edit=lambda name, contents: (name, contents)):
-    """A copy of an archive with other names or contents; None leaves a file out."""
-    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
-        for name in old.namelist():
-            changed = edit(name, old.read(name))
-            if changed is not None:
-                new.writestr(*changed)
-    return target
 
 
 def test_outputs_follow_the_solution_on_paper(fmu, runtime):

@@ -9,8 +9,8 @@ import pytest
 
 from orchestration.system import library, ssp
 from tests.end_to_end.test_bad_input import here, refused
+from tests.support.system.archives import repacked
 from tests.support.system.samples import tiny_fmu
-from tests.unit.system.test_ssp import repacked
 
 EARLIER = "the result of earlier work\n"
 

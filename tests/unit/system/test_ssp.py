@@ -23,18 +23,10 @@ from fmus.kit.errors import UserError
 from orchestration.system import Connection, Member, Port, System, connect, ssp
 from orchestration.system.check import check
 from orchestration.system.ssp import package
+from tests.support.system.archives import BINDINGS, DESCRIPTION, INLINE, NAMESPACES, SET, repacked
 from tests.support.system.samples import pair, tiny_fmu
 
 SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
-DESCRIPTION = "SystemStructure.ssd"
-BINDINGS = "<ssd:ParameterBindings>{}</ssd:ParameterBindings>"
-SET = '<ssv:ParameterSet version="1.0" name="s"><ssv:Parameters>{}</ssv:Parameters></ssv:ParameterSet>'
-INLINE = f"<ssd:ParameterBinding><ssd:ParameterValues>{SET}</ssd:ParameterValues></ssd:ParameterBinding>"
-NAMESPACES = (
-    'xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription" '
-    'xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" '
-    'xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"'
-)
 
 
 def contents(system):
@@ -75,22 +67,6 @@ def archive(system, tmp_path):
     """The system as a file."""
     ssp.write(system, tmp_path / "sample.ssp")
     return tmp_path / "sample.ssp"
-
-
-def repacked(path, change=None, extra=(), name="other.ssp"):
-    """A copy of an archive whose description went through a function, with extra entries."""
-    copy = path.with_name(name)
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(copy, "w", zipfile.ZIP_DEFLATED) as new:
-        for entry in old.namelist():
-            data = old.read(entry)
-            if entry == DESCRIPTION and change is not None:
-                data = change(data.decode()).encode()
-                assert data != old.read(entry), "the change changed nothing"
-            if data:
-                new.writestr(entry, data)
-        for entry, data in extra:
-            new.writestr(entry, data)
-    return copy
 
 
 def refused(path, folder, *parts):
