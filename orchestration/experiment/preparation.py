@@ -167,7 +167,7 @@ def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
 def _noise(
     name: str, noise: NoiseTable, record: list[str], experiment: Experiment, on: Subject, count: int, where: str
 ) -> Array:
-    """NoiseTable of a stationary process whose value is `correlation` times the last one plus something new."""
+    """Noise of a stationary process whose value is `correlation` times the last one plus something new."""
     if name not in record:
         raise UserError(f"{where}: noise.{name}: noise is added to recorded outputs, and this is none")
     signal = on.outputs[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -130,12 +130,8 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     def run(
         time: Array, inputs: Mapping[str, Array], settings: Mapping[str, float], record: Sequence[str], tell: Progress
     ) -> master.Run:
-        own: dict[str, dict[str, float]] = {member.name: {} for member in system.members}
-        for name, value in settings.items():
-            member, _, parameter = f"{prefix}{name}".partition(".")
-            own[member][parameter] = value
-        members = tuple(replace(member, parameters=own[member.name]) for member in system.members)
-        names, ready = [f"{prefix}{name}" for name in record], replace(system, members=members)
+        ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
+        names = [f"{prefix}{name}" for name in record]
         if how.method == "fused":
             return _fused(ready, time, inputs, names, tell)
         return master.run(ready, time, inputs, record=names, progress=tell, **how.model_dump(exclude_none=True))
