@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,29 @@ def public() -> dict[str, Any]:
     import orchestration
 
     return {name: getattr(orchestration, name) for name in orchestration.__all__}
+
+
+def results(things: Mapping[str, Any]) -> dict[str, type]:
+    """Classes of ours that functions return, and after them those of their attributes, by name."""
+    found: dict[str, type] = {}
+    newest = dict(things)
+    for _ in range(2):
+        newest = {name: cls for thing in newest.values() for name, cls in named_types(thing) if name not in found}
+        found |= newest
+    return {name: cls for name, cls in found.items() if name not in things}
+
+
+def named_types(thing: Any) -> Iterator[tuple[str, type]]:
+    """Classes of ours that a function says it returns, or that a class says its attributes are."""
+    if inspect.isclass(thing):
+        attributes = fields(sections(inspect.getdoc(thing) or "").get("Attributes", ""))
+        kinds = [*(kind for _, kind, _ in attributes), *map(str, inspect.get_annotations(thing).values())]
+    else:
+        kinds = [str(inspect.signature(thing).return_annotation)]
+    for word in re.findall(r"\w+", " ".join(kinds)):
+        cls = vars(sys.modules[thing.__module__]).get(word)
+        if inspect.isclass(cls) and cls.__module__.startswith("orchestration."):
+            yield word, cls
 
 
 def sections(docstring: str) -> dict[str, str]:
@@ -93,15 +117,26 @@ def signature(thing: Any) -> str:
     for p in arguments:
         unwritable = p.default is not p.empty and repr(p.default).startswith("<")
         plain.append(p.replace(annotation=p.empty, default=... if unwritable else p.default))
-    text = str(inspect.Signature(plain)).replace("Ellipsis", "...")
+    text = str(inspect.Signature(plain)).replace("Ellipsis", "...").replace("'", '"')
     return text if len(text) < 90 else text.replace("(", "(\n    ", 1).replace(", ", ",\n    ")[:-1] + ",\n)"
 
 
+def listed(names: Iterable[str], before: Iterable[str] = ()) -> str:
+    """List names with links to their headings; a heading that another is equal to but for its case gets a number."""
+    taken = {name.lower() for name in before}
+    links = {name: f"{name.lower()}{'-1' * (name.lower() in taken)}" for name in names}
+    return ", ".join(f"[`{name}`](#{link})" for name, link in links.items())
+
+
 def page(things: Mapping[str, Any]) -> str:
-    """Make the page of some things, by the names under which they are offered."""
-    listed = "\n".join(f"* [`{name}`](#{name.lower().replace('.', '')})" for name in things)
-    lines = [line for name, thing in things.items() for line in entry(name, thing)]
-    return "\n".join([INTRODUCTION, listed, "", *lines]).rstrip("\n") + "\n"
+    """Make the page of some things, by the names under which they are offered, and of what they return."""
+    returned = results(things)
+    lines = [INTRODUCTION, listed(things), ""]
+    lines += [line for name, thing in things.items() for line in entry(name, thing)]
+    if returned:
+        lines += ["## What they return\n", listed(returned, things), ""]
+        lines += [line for name, cls in returned.items() for line in entry(name, cls, 3)]
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 if __name__ == "__main__":

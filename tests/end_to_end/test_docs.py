@@ -35,7 +35,7 @@ MARKDOWN = sorted(
 DOTTED = re.compile(r"(?<![\w./])(?:orchestration|fmus|tests|benchmarks)(?:\.\w+)+(?![\w/])")
 PATH = re.compile(rf"(?<![\w./-])(?:(?:{'|'.join(FOLDERS)})/[\w./-]*|\.ci/\w+)")
 PYTHON_FILE = re.compile(rf"(?<![\w./])(?!(?:{'|'.join(FOLDERS)})/)[\w/]+\.py(?![\w/])")
-THE_READERS = {"file.py", "own.py", "models.py"}  # files that a reader would write
+THE_READERS = {"file.py", "path/to/file.py", "own.py", "models.py"}  # files that a reader would write
 OTHER_PROGRAMS = {"python", "pip", "pytest", "git", "make", "pre-commit"}
 NUMBER = re.compile(r"(?<![\w-])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 

@@ -93,7 +93,7 @@ def test_a_class_brings_its_methods_and_properties() -> None:
     text = reference.page({"System": System, "Member": Member})
     assert "**Attributes**\n\n* `name, doc` : str\n" in text
     assert "### System.member\n\n```python\nSystem.member(name)\n```\n" in text
-    assert "### Member.of\n\n```python\nMember.of(name, component, parameters=None, runtime='native')\n```\n" in text
+    assert '### Member.of\n\n```python\nMember.of(name, component, parameters=None, runtime="native")\n```\n' in text
 
 
 def test_what_cannot_be_written_is_left_out_of_a_signature() -> None:
