@@ -96,7 +96,7 @@ def _run(
     _show(data)
     if out is not None:
         results.write(movable(data, out.parent), out)
-        wrote(out)
+        wrote(out, "" if data.attrs["complete"] else "incomplete")
     if plot is not None:
         result_page.plot(data, plot)
         wrote(plot)

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
+from threading import Timer
 from time import monotonic
 
 from rich.console import Console
@@ -21,7 +22,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )  # fmt: skip
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 # in a file or a pipe there is no edge to wrap at; 160 keeps the tables whole
@@ -30,7 +31,7 @@ _WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
 out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=_WIDTH)
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)
 _EVERY = 4.0  # seconds between two lines of progress where there is no terminal
-_BURST = 4  # as many may follow each other at once: a short command tells each of its steps
+_FIRST = 4  # of the parts of a step are told at once
 _verbose = False
 
 
@@ -63,10 +64,10 @@ def results_withheld() -> Iterator[None]:
         out.quiet = before
 
 
-def wrote(path: Path) -> None:
-    """Tell that a file was written."""
+def wrote(path: Path, remark: str = "") -> None:
+    """Tell that a file was written, and what is to be known of it."""
     if not err.quiet:
-        out.print(f"wrote {path}")
+        out.print(f"wrote {path}" + (f" ({remark})" if remark else ""))
 
 
 def warn(text: str) -> None:
@@ -112,7 +113,7 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
 class Tell:
     """Says what is being done, and how far it is.
 
-    On a terminal a bar; elsewhere lines, a few at once and then one every few seconds.
+    On a terminal a bar. Elsewhere a line for every step; of its parts the first few, and then one every few seconds.
 
     Parameters
     ----------
@@ -122,21 +123,22 @@ class Tell:
     def __init__(self, bar: Progress | None):
         self._bar = bar
         self._task = bar.add_task("", total=None) if bar else None
-        self._text = ""
-        self._began = self._since = self._last = monotonic()  # the whole, the present part, the latest count of lines
-        self._lines = float(_BURST)  # how many may be said now
+        self._text, self._part, self._whole = "", 0, 0
+        self._began = self._since = self._said = monotonic()  # the step, its present part, the latest line
+        self._lines, self._timer = 0, Timer(0.0, self._say)  # lines of the step so far; for the next one
 
     def __call__(self, text: str) -> None:
-        """Begin something new."""
-        self._turn_to(text)
-        self._began = self._since
+        """Begin a step."""
+        self.finish()
+        self._text, self._lines = text, 0
+        self._began = self._since = self._said = monotonic()
         if self._bar is not None and self._task is not None:
             self._bar.reset(self._task, description=text, total=None)
-        elif self._may_speak():
+        else:
             err.print(text, soft_wrap=True)
 
     def done(self, part: int, whole: int, text: str = "") -> None:
-        """So much of it is done.
+        """So much of the step is done.
 
         Parameters
         ----------
@@ -144,35 +146,37 @@ class Tell:
         text : str
             What comes next, where the parts have names.
         """
+        self._part, self._whole = part, whole
         if text:
-            self._turn_to(text)
+            self._tell_time()
+            self._text, self._since = text, monotonic()
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=part, total=whole, description=self._text)
-        elif text or monotonic() - max(self._last, self._since) >= _EVERY:
-            left = (monotonic() - self._began) * (whole - part) / part if part else 0.0
-            if self._may_speak():
-                remaining = f", {timedelta(seconds=round(left))} left" if left else ""
-                err.print(f"{self._text} ({part:,} of {whole:,}{remaining})", soft_wrap=True)
+        elif text and (self._lines < _FIRST or _verbose):
+            self._say()
+        elif not self._timer.is_alive():
+            self._timer = Timer(self._said + _EVERY - monotonic(), self._say)
+            self._timer.daemon = True
+            self._timer.start()
 
     def finish(self) -> None:
         """End what was begun."""
-        self._turn_to("")
+        self._timer.cancel()
+        self._tell_time()
+        self._text = ""
 
-    def _turn_to(self, text: str) -> None:
+    def _say(self) -> None:
+        if not self._text:  # the step ended while the timer ran out
+            return
         now = monotonic()
+        left = round((now - self._began) * (self._whole - self._part) / self._part) if self._part else 0
+        remaining = f", {timedelta(seconds=left)} left" if left else ""
+        err.print(f"{self._text} ({self._part:,} of {self._whole:,}{remaining})", soft_wrap=True)
+        self._said, self._lines = now, self._lines + 1
+
+    def _tell_time(self) -> None:
         if self._text:
-            detail(f"{self._text}: took {now - self._since:.2f} s")
-        self._text, self._since = text, now
-
-    def _may_speak(self) -> bool:
-        """Whether a line is due; all of them are where more was asked for."""
-        now = monotonic()
-        self._lines = min(float(_BURST), self._lines + (now - self._last) / _EVERY)
-        self._last = now
-        if self._lines < 1.0 and not _verbose:
-            return False
-        self._lines -= 1.0
-        return True
+            detail(f"{self._text}: took {monotonic() - self._since:.2f} s")
 
 
 class _Count(ProgressColumn):
@@ -182,23 +186,33 @@ class _Count(ProgressColumn):
         return Text("" if task.total is None else f"{task.completed:,.0f} of {task.total:,.0f}")
 
 
+class _Rate(ProgressColumn):
+    """How many parts are done in a second, where they are many."""
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:,.0f}/s" if task.speed and task.speed >= 1.0 else "", style="progress.data.speed")
+
+
 @contextmanager
 def progress() -> Iterator[Tell]:
     """Show on standard error what is being done, how far it is and how long it will take."""
     if not err.is_terminal or err.quiet:
         tell = Tell(None)
-        yield tell
-        tell.finish()
+        try:
+            yield tell
+        finally:
+            tell.finish()
         return
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        _Count(),
+        TextColumn("{task.description}", markup=False, table_column=Column(ratio=1, no_wrap=True)),
+        BarColumn(bar_width=16),
+        _Count(table_column=Column(no_wrap=True)),
+        _Rate(table_column=Column(no_wrap=True)),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err, transient=True) as bar:
+    with Progress(*columns, console=err, transient=True, expand=True) as bar:
         tell = Tell(bar)
         yield tell
         tell.finish()
