@@ -9,7 +9,7 @@ import pytest
 
 from fmus import effects
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.report.system_json import as_json
+from orchestration.discrepancy.report.system_summary import summary
 from orchestration.discrepancy.report.system_wording import source, why
 from orchestration.discrepancy.systems.diagnose import diagnose_system
 from orchestration.discrepancy.systems.member_diagnosis import Effort
@@ -66,8 +66,9 @@ def test_a_record_of_the_system_itself_blames_nobody(tmp_path):
     assert sources(actuator)["current"] == "galvanostat.current, held between samples"
     for output, unit in (("voltage", "V"), ("displacement", "m")):
         assert actuator.final[output].noise_std == pytest.approx(NOISE[unit], rel=0.1)
-    text = json.dumps(as_json(diagnosis), allow_nan=False)
+    text = json.dumps(summary(diagnosis), allow_nan=False)
     assert json.loads(text)["members"][2]["model"] == "ageing_actuator"
+    assert json.loads(text)["members"][2]["reasons"][0]["code"] == "residual_is_noise"
 
 
 def test_the_member_with_another_structure_is_named(tmp_path):
@@ -136,7 +137,7 @@ def test_an_output_that_was_hardly_measured_is_judged_all_the_same(tmp_path, few
     write_record(tmp_path / "few.csv", 0.05 * np.arange(200), record, dict.fromkeys(record, "1"))
     diagnosis = diagnose_system(tmp_path / "few.csv", tmp_path / "system.ssp")
     assert diagnosis.members[0].final["x"].whiteness is None
-    assert as_json(diagnosis)["members"][0]["outputs"]["x"]["white"] is None
+    assert summary(diagnosis)["members"][0]["outputs"]["x"]["white"] is None
 
 
 def test_a_column_twice_and_a_record_too_short_are_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""The diagnosis of a system as JSON has it; `docs/reference/diagnosis.md` tells what every field is."""
+"""The diagnosis of a system as a dictionary, ready for JSON; `docs/reference/diagnosis.md` has every field."""
 
 from __future__ import annotations
 
@@ -12,20 +12,10 @@ from orchestration.identify.metrics import number
 _LISTED = 5  # correlations, and regions, of an output
 
 
-def as_json(diagnosis: SystemDiagnosis) -> dict[str, Any]:
-    """Gather the figures of a diagnosis.
-
-    Parameters
-    ----------
-    diagnosis : SystemDiagnosis
-
-    Returns
-    -------
-    dict
-        Of dictionaries, lists, texts, finite numbers and None.
-    """
+def summary(diagnosis: SystemDiagnosis) -> dict[str, Any]:
+    """Gather the figures of a diagnosis; amounts in the units of the FMUs, no NaN nor infinity (null instead)."""
     members = [_member(member) for member in diagnosis.members]
-    return {"system": diagnosis.system, "verdict": diagnosis.verdict, "members": members}
+    return {"system": diagnosis.system, "verdict": str(diagnosis.verdict), "members": members}
 
 
 def _member(member: MemberDiagnosis) -> dict[str, Any]:
@@ -34,8 +24,9 @@ def _member(member: MemberDiagnosis) -> dict[str, Any]:
         "fmu": member.fmu,
         "model": member.model,
         "ours": member.equations_known,
-        "verdict": member.verdict,
+        "verdict": str(member.verdict),
         "why": wording.why(member),
+        "reasons": [{"code": str(reason.code), "message": wording.message(reason)} for reason in member.reasons],
         "fed": {name: wording.source(given, name in member.linear) for name, given in member.inputs.items()},
         "outputs": {output: _output(member, output) for output in member.final},
         "parameters": {name: asdict(parameter) for name, parameter in member.parameters.items()},
