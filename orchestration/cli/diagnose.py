@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fmus.kit.errors import UserError
@@ -93,12 +93,13 @@ def run(
         tell(f"building {name} unless it is there")
         model = find_model(name)
         renamed = parse_mapping(mapping)
-        records = []
-        for path in filter(None, (files.record, files.holdout)):
-            records.append(read_record(path, model, renamed))
-            tell_repairs(records[-1].repairs)
+        record, holdout = read_record(files.record, model, renamed), None
+        tell_repairs(record.repairs)
+        if files.holdout is not None:
+            holdout = read_record(files.holdout, model, renamed)
+            tell_repairs([replace(r, message=f"{files.holdout.name}: {r.message}") for r in holdout.repairs])
         result = diagnose(
-            records[0], model, holdout=records[1] if files.holdout else None, effects=effects, hold=hold,
+            record, model, holdout=holdout, effects=effects, hold=hold,
             settings=dict(_setting(text) for text in settings), interpolate=interpolate, progress=tell,
         )  # fmt: skip
         made = _written(result, files, shlex.join(command), tell)
