@@ -12,6 +12,7 @@ from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
+from orchestration.discrepancy.report.wording import message
 from tests.support.diagnosis import FEW, coloured, short_record
 
 
@@ -32,6 +33,20 @@ def test_a_record_of_which_nothing_can_be_used_is_refused_with_the_reasons():
         diagnose(PpyActuator, replace(data, measured={"voltage": np.zeros(data.time.size)}), FEW)
     about = {(note.subject, note.code) for note in refusal.value.notes}
     assert about == {("voltage", NoteCode.DEAD_CONSTANT), ("", NoteCode.NOTHING_USABLE)}
+    assert not any(note.held_out for note in refusal.value.notes)
+
+
+def test_of_two_records_it_is_told_of_which_nothing_can_be_used():
+    data = short_record()
+    dead = replace(data, measured={"voltage": np.zeros(data.time.size)})
+    with pytest.raises(UnusableRecordError) as refusal:
+        diagnose(PpyActuator, data, FEW, holdout=dead)
+    assert all(note.held_out for note in refusal.value.notes)
+    (note, _) = sorted(refusal.value.notes, key=lambda note: note.code)
+    assert message(note) == (
+        "in the record held out: voltage: constant at 0 while inputs move: a dead sensor, or nothing drives it; it is "
+        "not used"
+    )
 
 
 def test_an_output_full_of_gaps_is_left_out_with_a_note():
