@@ -1,4 +1,4 @@
-"""Claims: ``ppy diagnose`` says what was found, writes what was asked for, overwrites nothing, and refuses in a line."""
+"""Claims: ``ppy diagnose`` says what it found, writes what was asked for, overwrites nothing and refuses in a line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which data a diagnosis rests on: what is too short, full of gaps, not excited or no measurement at all is not used."""
+"""Which data a diagnosis rests on: not what is too short, full of gaps, not excited or no measurement."""
 
 from __future__ import annotations
 
