@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fmus.kit.errors import UserError
@@ -92,13 +92,14 @@ def run(
     files.check([file] if (file := model_file(name)) else [])
     model = open_model(name, effects=effects)
     renamed = parse_mapping(mapping)
-    records = []
-    for path in filter(None, (files.record, files.holdout)):
-        records.append(read_record(path, model, renamed))
-        tell_repairs(records[-1].repairs)
+    record, holdout = read_record(files.record, model, renamed), None
+    tell_repairs(record.repairs)
+    if files.holdout is not None:
+        holdout = read_record(files.holdout, model, renamed)
+        tell_repairs([replace(r, message=f"{files.holdout.name}: {r.message}") for r in holdout.repairs])
     with progress() as tell:
         result = diagnose(
-            records[0], model, holdout=records[1] if files.holdout else None, effects=considered, hold=hold,
+            record, model, holdout=holdout, effects=considered, hold=hold,
             settings=dict(_setting(text) for text in settings), interpolate=interpolate, progress=tell,
         )  # fmt: skip
         made = _written(result, files, shlex.join(command), tell)

@@ -356,7 +356,7 @@ def test_a_variation_leaves_what_was_wanted(name, strength):
     assert max(widths_by_fit(drawn).values()) == pytest.approx(hidden.wanted, rel=0.2)
 
 
-@pytest.mark.random_walk
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [1.0, 0.3])
 @pytest.mark.parametrize("name", VARIATIONS)
 def test_every_variation_leaves_what_was_wanted(name, strength):

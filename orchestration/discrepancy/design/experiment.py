@@ -99,7 +99,9 @@ class DiscriminatingExperiment:
         return {
             "duration": self.duration, "step": self.step, "separates": self.is_worthwhile,
             "inputs": {name: {"kind": s.kind, **s.keys} for name, s in self.stimuli.items()},
-            "expected": [{"right": e.true_model, "wrong": e.candidate, "delta_bic": e.bic} for e in self.expected],
+            "expected": [
+                {"true_model": e.true_model, "candidate": e.candidate, "delta_bic": e.bic} for e in self.expected
+            ],
         }  # fmt: skip
 
     def toml(self, component: str, comment: str, title: str = "") -> str:

@@ -11,6 +11,7 @@ from orchestration.discrepancy.residuals.jumps import (
     input_steps,
     level_shifts,
 )
+from tests.support.diagnosis import coloured
 from tests.support.residuals import EVERY, TIME, N, noise
 
 
@@ -43,3 +44,26 @@ def test_larger_innovations_where_an_input_steps_are_an_f_test():
     assert excess.ratio == pytest.approx(4.0 * usual.ratio)
     assert excess.p_value < 1e-9
     assert excess_variance_at_input_steps(loud, np.flatnonzero(EVERY), {}).p_value == 1.0
+
+
+def test_jumps_are_found_where_no_input_jumps():
+    time, noise = 0.1 * np.arange(4000), coloured(0.0, 1)
+    stepped = noise + 20.0 * (time >= 100.0) - 15.0 * (time >= 250.0)
+    current = np.where(time >= 250.0, 1.0, -1.0)
+    (shift,) = level_shifts(stepped, time, {"current": current})
+    assert shift.time == pytest.approx(100.0)
+    assert shift.size == pytest.approx(20.0, abs=6.0)
+    assert level_shifts(noise, time, {"current": current}) == []
+
+
+def test_a_gap_is_no_jump():
+    """Red noise moves far while nobody looks; held against the samples on either side it has jumped."""
+    time, noise = 0.1 * np.arange(3000), coloured(0.95, 3, 3000)
+    there = np.ones(3000, dtype=bool)
+    for start in range(200, 2900, 140):
+        there[start : start + 60] = False
+    drive = {"drive": np.repeat(np.arange(100) % 3, 30)[there].astype(float)}
+    assert level_shifts(noise[there], time[there], drive) == []
+    slipped = noise + np.where(time > 101.0, 30.0 * noise.std(), 0.0)
+    (shift,) = level_shifts(slipped[there], time[there], drive)
+    assert shift.time == pytest.approx(101.1)
