@@ -113,6 +113,9 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
     for command in commands:
         command = command.split("  #")[0].rstrip()
         run(f"{command} --platforms {host_platform()}" if command == "ppy build" else command, tmp_path)
+    for language, text in BLOCK.findall(section):
+        assert language == "python"
+        run([sys.executable, "-c", text], tmp_path)
 
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=str)
