@@ -53,7 +53,7 @@ def own_parameters(effect: type[Effect]) -> list[str]:
 
 
 def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]) -> list[type[Effect]]:
-    """Every effect that a record with these outputs can speak of.
+    """Every effect that a record with these outputs can speak of, but those that are laid over already.
 
     Parameters
     ----------
@@ -67,5 +67,6 @@ def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measure
     -------
     list of type[Effect]
     """
-    wanted = set(measured)
-    return [*physics.values(), *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
+    wanted, there = set(measured), {label(effect) for effect in vars(cls).get("stacked", (cls, ()))[1]}
+    known = [*physics.values(), *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
+    return [effect for effect in known if label(effect) not in there]

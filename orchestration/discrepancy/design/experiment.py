@@ -99,7 +99,9 @@ class DiscriminatingExperiment:
         return {
             "duration": self.duration, "step": self.step, "separates": self.is_worthwhile,
             "inputs": {name: {"kind": s.kind, **s.keys} for name, s in self.stimuli.items()},
-            "expected": [{"right": e.true_model, "wrong": e.candidate, "delta_bic": e.bic} for e in self.expected],
+            "expected": [
+                {"true_model": e.true_model, "candidate": e.candidate, "delta_bic": e.bic} for e in self.expected
+            ],
         }  # fmt: skip
 
     def toml(self, component: str, comment: str, title: str = "") -> str:
@@ -241,12 +243,12 @@ class _DesignSearch:
         return min(expected_delta_bic_linear(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
 
     def evaluated(self, chosen: Experiment) -> tuple[Experiment, list[ExpectedEvidence]]:
-        """Return the chosen experiment, or one of the next best, by what is left after the wrong model is refitted."""
+        """Return the chosen experiment, or one of the next best, judged with the wrong model refitted for good."""
         others = sorted((row for row in self.seen if row[1] != chosen), key=lambda row: -row[0])
         trials = [chosen, *(trial for least, trial in others[: _EVALUATED - 1] if least > -np.inf)]
-        found = side_by_side(self._expected, trials)
+        evaluated = side_by_side(self._expected, trials)
         rows = [
-            (min(e.bic for e in expected), (trial, expected)) for trial, expected in zip(trials, found, strict=True)
+            (min(e.bic for e in expected), (trial, expected)) for trial, expected in zip(trials, evaluated, strict=True)
         ]
         return _best_broadest(rows)
 
