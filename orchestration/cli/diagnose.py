@@ -13,7 +13,7 @@ from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import write
 from fmus.kit.units import shown
-from orchestration.cli.models import model_file, open_model
+from orchestration.cli.models import model_file, note_neutral, open_model
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.design.experiment import Separation, design
@@ -98,6 +98,7 @@ def run(
         if model.cls is None:
             raise UserError(f"{name} is an FMU without equations; name a component (see ppy list) or file.py:Class")
         given, renamed = model.settings(settings), parse_mapping(mapping)
+        note_neutral(model, given)
         record = read_for(model, files.record, renamed)
         tell_repairs(record.repairs)
         data = replace(_data(model, record, given), linear=linear)

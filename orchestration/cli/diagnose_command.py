@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from orchestration.cli.options import (
+    DEFAULT_MODEL,
     Json,
     Map,
     Platforms,
@@ -95,6 +96,6 @@ def diagnose(
     files = one_model.Files(record, holdout, result, report, fmu, experiment, platform_list(platforms))
     with standard_output_for(result):
         one_model.run(
-            files, model or "ppy_actuator", mapping or [], settings or [], comma_list(effects), ["ppy", *sys.argv[1:]],
+            files, model or DEFAULT_MODEL, mapping or [], settings or [], comma_list(effects), ["ppy", *sys.argv[1:]],
             comma_list(hold), interpolate, comma_list(laid_over),
         )  # fmt: skip

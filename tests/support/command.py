@@ -1,0 +1,91 @@
+"""The command line as tests call it: a process of its own or this one, what it has to print, how it has to refuse."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orchestration.cli import app
+from orchestration.experiment.waveforms import multilevel
+from orchestration.records import write_record
+from orchestration.rig.emulator.emulator import EmulatedRig
+
+UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
+PNG = b"\x89PNG\r\n\x1a\n"
+posix = pytest.mark.skipif(os.name == "nt", reason="signals and pipes as POSIX has them")
+
+
+def ppy(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a process of its own, on no terminal."""
+    command = [sys.executable, "-m", "orchestration.cli", *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, encoding="utf-8", stdin=subprocess.DEVNULL, timeout=240,
+        env={**os.environ, "COLUMNS": "100", **(environment or {})},
+    )  # fmt: skip
+
+
+def works(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> str:
+    """Run the command line and return what it prints; it must succeed."""
+    done = ppy(*arguments, cwd=cwd, environment=environment)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "\x1b" not in done.stdout + done.stderr  # no terminal codes in files
+    return done.stdout
+
+
+def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the command line in this process; answers as `ppy` does."""
+    command, before = ["ppy", *map(str, arguments)], (sys.argv, os.getcwd())
+    streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2)]
+    with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]):
+        try:
+            sys.argv = command
+            os.chdir(cwd)
+            app.main()
+        except SystemExit as ended:
+            code = ended.code
+        finally:
+            sys.argv = before[0]
+            os.chdir(before[1])
+    texts = []
+    for stream in streams:
+        stream.flush()
+        texts.append(stream.buffer.getvalue().decode())
+    assert isinstance(code, int)
+    return subprocess.CompletedProcess(command, code, *texts)
+
+
+def refused(folder, *arguments, parts=(), environment=None):
+    """The command must fail as promised; returns its one line."""
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    done = here(*arguments, cwd=folder) if environment is None else ppy(*arguments, cwd=folder, environment=environment)
+    assert done.returncode == 2, (done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr
+    lines = done.stderr.splitlines()
+    errors = [line for line in lines if line.startswith("error: ")]
+    assert errors == lines[-1:], done.stderr
+    assert "internal error" not in errors[0]
+    for part in parts:
+        assert part in errors[0]
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+    return errors[0]
+
+
+def measure(path: Path, rig: EmulatedRig, samples: int = 600, names: Sequence[str] = tuple(UNITS)) -> Path:
+    """Write a record of the emulated rig."""
+    time = 0.1 * np.arange(samples)
+    inputs = {
+        "current": multilevel(time, [-0.9, 0.0, 0.9], (2.0, 8.0), 1),
+        "force": multilevel(time, [0.5, 1.0, 2.75], (5.0, 12.0), 2),
+    }
+    signals = inputs | rig.run(time, **inputs)
+    write_record(path, time, {name: signals[name] for name in names}, UNITS)
+    return path
