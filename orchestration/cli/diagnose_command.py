@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from orchestration.cli.options import (
+    DEFAULT_MODEL,
     Json,
     Map,
     Platforms,
@@ -97,6 +98,6 @@ def diagnose(
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):
         one_model.run(
-            files, model or "ppy_actuator", mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
+            files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
             comma_list(hold), interpolate, comma_list(laid_over),
         )  # fmt: skip
