@@ -20,34 +20,16 @@ from scipy.stats import norm
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.units import allowed, shown
+from orchestration.identify.estimate import Estimate
+from orchestration.identify.noise import autoregression
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
 _PASSES = 5  # at most, of weighting every output by the residual it leaves
 _SETTLED = 0.01  # relative change of the weights that ends it
-_MOST_ORDER = 4  # of the noise model
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 _FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One fitted parameter, SI.
-
-    Attributes
-    ----------
-    value, nominal : float
-        Fitted value and the value the fit started from.
-    interval : tuple of float
-        95 % confidence interval; infinite where the record says nothing about the parameter.
-    unit : str
-    """
-
-    value: float
-    nominal: float
-    interval: tuple[float, float]
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -234,53 +216,3 @@ def _standard_errors(
         meat += weight[o] ** 4 * variance * filtered.T @ filtered
     spread[seen] = np.sqrt(np.diag(inverse @ meat @ inverse))
     return spread, silent, tangled
-
-
-def autoregression(values: Array, most: int = _MOST_ORDER) -> tuple[Array, float]:
-    """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        A series; its mean is taken as zero.
-    most : int
-        Highest order considered.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (p,)
-        ``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]``.
-    variance : float
-        Of the innovations w.
-    """
-    n = len(values)
-    most = min(most, max(n // 10, 0))
-    return yule_walker(np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n, n)
-
-
-def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
-    """Fit a stationary autoregression to a covariance, its order chosen by BIC.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (m + 1,)
-        At the first lags; its length gives the highest order considered.
-    n : int
-        Samples that it is of.
-
-    Returns
-    -------
-    coefficients, variance
-        As of :func:`autoregression`.
-    """
-    best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
-    if covariance[0] <= 0.0:
-        return best
-    criterion = n * np.log(covariance[0])
-    for order in range(1, len(covariance)):
-        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-        coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
-        variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
-        if variance > 0.0 and (found := n * np.log(variance) + order * np.log(n)) < criterion:
-            criterion, best = found, (coefficients, variance)
-    return best

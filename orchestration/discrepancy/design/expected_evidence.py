@@ -16,9 +16,8 @@ from scipy.signal import lfilter
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.candidates.outlook import inverse
-from orchestration.identify.grey_box import yule_walker
 from orchestration.identify.levenberg_marquardt import minimise
-from orchestration.identify.noise import ORDER, Noise
+from orchestration.identify.noise import ORDER, Noise, yule_walker
 from orchestration.identify.prediction_error import PRIOR_STD
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Any
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 from orchestration.identify.metrics import number
 
 
@@ -32,8 +32,7 @@ def summary(result: Result) -> dict[str, Any]:
             "residual_white_after": all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values()),
         },
         "notes": [
-            {"code": str(note.code), "subject": note.subject, "message": wording.message(note)}
-            for note in result.notes
+            {"code": str(note.code), "subject": note.subject, "message": wording.message(note)} for note in result.notes
         ],
         "residuals": {
             output: {

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 
 Array = NDArray[np.float64]
 _FLAT = 1e-12  # relative curvature below which a direction counts as undetermined

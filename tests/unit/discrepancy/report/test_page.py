@@ -35,7 +35,7 @@ from orchestration.discrepancy.residuals.lines import LevelShift, SpectralLine
 from orchestration.discrepancy.selection.search import Dataset
 from orchestration.fmu import model as models
 from orchestration.identify.comparison import read_for
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 from orchestration.records import write_record
 from orchestration.reporting.page import Markup, Page, escaped
 from orchestration.reporting.plots import MOST, Boundary, Panel, Trace, broken, envelope, stacked
