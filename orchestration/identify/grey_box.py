@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.units import allowed, shown
+from orchestration.identify.covariance import covariance, sandwich
 from orchestration.identify.estimate import Estimate
-from orchestration.identify.noise import autoregression
+from orchestration.identify.noise import Noise, autoregression
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
@@ -29,7 +29,6 @@ _PASSES = 5  # at most, of weighting every output by the residual it leaves
 _SETTLED = 0.01  # relative change of the weights that ends it
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
-_FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
 
 
 @dataclass(frozen=True)
@@ -156,9 +155,13 @@ def fit(
 def _intervals(problem: _Weighted, q: Array) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """95 % intervals, and a sentence for parameters that the record does not determine."""
     error, jacobian = problem.evaluate(q)
-    spread, silent, tangled = _standard_errors(error, jacobian, problem.weight)
-    blind = silent | tangled
-    half = float(norm.ppf(0.975)) * spread
+    weighted = {o: problem.weight[o] * j for o, j in jacobian.items()}
+    information = np.sum([j.T @ j for j in weighted.values()], axis=0)
+    noise = [Noise(c, problem.weight[o] * np.sqrt(v)) for o, e in error.items() for c, v in [autoregression(e)]]
+    spread = sandwich(covariance(information), weighted.values(), noise)
+    half = float(norm.ppf(0.975)) * spread.standard_errors
+    blind = set(np.flatnonzero(spread.unidentifiable).tolist())
+    silent = set(np.flatnonzero(np.diag(information) == 0.0).tolist())
     ends: dict[str, tuple[float, float]] = {}
     for i, (name, scale) in enumerate(zip(problem.names, problem.scales, strict=True)):
         open_end = 0.0 if scale.logarithmic else -np.inf
@@ -166,7 +169,7 @@ def _intervals(problem: _Weighted, q: Array) -> tuple[dict[str, tuple[float, flo
     vague = {i for i, s in enumerate(problem.scales) if s.logarithmic and half[i] > _VAGUE} - blind
     sentences = [
         (silent, "this record does not determine {}"),
-        (tangled, "this record does not determine {} separately"),
+        (blind - silent, "this record does not determine {} separately"),
         (vague, "this record hardly determines {}: the interval spans more than a factor of 100"),
     ]
     told = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
@@ -185,34 +188,3 @@ def _slow(output: str, residual: Array) -> str:
         f"the residual of {output} varies slowly, as {_independent(residual):.0f} independent values would: the "
         "intervals are too narrow"
     )
-
-
-def _standard_errors(
-    error: Mapping[str, Array], jacobian: Mapping[str, Array], weight: Mapping[str, float]
-) -> tuple[Array, set[int], set[int]]:
-    """Sandwich covariance: curvature, and between its halves the colour of the residuals.
-
-    Each output's residual is taken as an autoregression e = H w; the scores J'e then have covariance J' H H' J var(w),
-    and H' J is J filtered backwards in time (Ljung, section 9.4). Also returns which parameters change nothing that was
-    measured, and which change it only in ways in which others do, too.
-    """
-    bread = np.sum([weight[o] ** 2 * j.T @ j for o, j in jacobian.items()], axis=0)
-    scale = np.sqrt(np.diag(bread))
-    seen = np.flatnonzero(scale > 0.0)
-    spread = np.full(len(scale), np.inf)
-    silent = set(np.flatnonzero(scale == 0.0).tolist())
-    if len(seen) == 0:
-        return spread, silent, set()
-    normalised = bread[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
-    eigenvalues, vectors = np.linalg.eigh(normalised)
-    # a direction in which the cost is flat to rounding: every parameter that takes part in it is undetermined
-    flat = np.abs(vectors[:, eigenvalues < _FLAT * eigenvalues[-1]]).max(axis=1, initial=0.0)
-    tangled = set(seen[flat > 1e-2].tolist())
-    inverse = np.linalg.pinv(normalised, rcond=_FLAT, hermitian=True) / np.outer(scale[seen], scale[seen])
-    meat = np.zeros_like(inverse)
-    for o, j in jacobian.items():
-        coefficients, variance = autoregression(error[o])
-        filtered = lfilter([1.0], np.concatenate([[1.0], -coefficients]), j[::-1][:, seen], axis=0)
-        meat += weight[o] ** 4 * variance * filtered.T @ filtered
-    spread[seen] = np.sqrt(np.diag(inverse @ meat @ inverse))
-    return spread, silent, tangled

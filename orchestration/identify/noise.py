@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
@@ -46,6 +47,13 @@ class Noise:
         """
         pieces = [self._filtered(values[a:b]) for a, b in segments(present, self.memory)]
         return np.concatenate(pieces) if pieces else values[:0]
+
+    def backwards(self, values: Array) -> Array:
+        """Filter the columns of a Jacobian (m, p) by the noise model, backwards in time.
+
+        With e = H w the scores J'e have the covariance J'HH'J var(w), and this is H'J times the deviation of w.
+        """
+        return np.asarray(lfilter([self.deviation], [1.0, *-self.coefficients], values[::-1], axis=0)[::-1])
 
     def kept(self, present: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return the samples that innovations belong to."""
