@@ -1,1 +1,53 @@
-"""Compose, run and judge the components: records, identification, the command line."""
+"""Diagnosis of simulation models against measured records, and the FMI components of an artificial-muscle rig.
+
+>>> import orchestration as ppy
+>>> record = ppy.read_record("hidden.csv", model="ppy_actuator")  # doctest: +SKIP
+>>> result = ppy.diagnose(record, model="ppy_actuator")  # doctest: +SKIP
+>>> print(result)  # doctest: +SKIP
+
+Importing this package is cheap: a name is loaded when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from orchestration.api.diagnosis import diagnose
+    from orchestration.api.identification import compare, fit
+    from orchestration.api.models import build, check
+    from orchestration.api.records import read_record
+    from orchestration.api.runs import run
+    from orchestration.api.simulation import simulate
+    from orchestration.fmu.model import find_model
+    from orchestration.system.model import System
+
+_HOME = {
+    "build": "orchestration.api.models",
+    "check": "orchestration.api.models",
+    "compare": "orchestration.api.identification",
+    "diagnose": "orchestration.api.diagnosis",
+    "find_model": "orchestration.fmu.model",
+    "fit": "orchestration.api.identification",
+    "read_record": "orchestration.api.records",
+    "run": "orchestration.api.runs",
+    "simulate": "orchestration.api.simulation",
+    "System": "orchestration.system.model",
+}
+__all__ = [
+    "System", "build", "check", "compare", "diagnose", "find_model", "fit", "read_record", "run", "simulate",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from where it lives."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_HOME[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """Public names, for completion."""
+    return sorted([*globals(), *__all__])

@@ -45,6 +45,12 @@ class Component:
         ``nominal + |state|``.
     experiment : tuple of float
         Stop time and communication step in seconds, for the FMU's ``DefaultExperiment``.
+    presets : Mapping of str to Preset
+        Named sets of parameter values, which the FMU brings along.
+    declared : dict of str to Declaration
+        What this class itself declares, by name.
+    layout : Layout
+        All variables, inherited ones included.
     time : float
         Simulation time in seconds, for laws that depend on it.
     """
@@ -87,7 +93,17 @@ class Component:
             setattr(self, state, getattr(self, parameter))
 
     def laws(self, names: list[str]) -> list[Callable[[], Any]]:
-        """Return the bound methods that the declarations name; an overriding effect is found by the MRO."""
+        """Bound methods that the declarations name; where an effect overrides one, it is the effect's.
+
+        Parameters
+        ----------
+        names : list of str
+
+        Returns
+        -------
+        list of callable
+            Without arguments.
+        """
         return [getattr(self, name) for name in names]
 
     def rates(self) -> list[Any]:

@@ -55,7 +55,13 @@ class Declaration:
 
 @dataclass(kw_only=True, eq=False)
 class Started(Declaration):
-    """A variable with a value to begin with; of a parameter that is the default."""
+    """A variable with a value to begin with.
+
+    Attributes
+    ----------
+    start : float, int or bool
+        SI; of a parameter it is the default.
+    """
 
     start: Number = 0.0
 
@@ -80,14 +86,28 @@ class InputDeclaration(Started):
 
 @dataclass(kw_only=True, eq=False)
 class OutputDeclaration(Declaration):
-    """A law whose value is seen from outside."""
+    """A law whose value is seen from outside.
+
+    Attributes
+    ----------
+    law : callable
+        The decorated method.
+    """
 
     law: Callable[[Any], Any]
 
 
 @dataclass(kw_only=True, eq=False)
 class StateDeclaration(Started):
-    """A continuous state."""
+    """A continuous state.
+
+    Attributes
+    ----------
+    rate : str
+        Method that gives its time derivative.
+    output : bool
+        Whether it is an output of the FMU too.
+    """
 
     rate: str
     output: bool = False
@@ -95,7 +115,17 @@ class StateDeclaration(Started):
 
 @dataclass(kw_only=True, eq=False)
 class DiscreteDeclaration(Started):
-    """A state that changes at sample instants only."""
+    """A state that changes at sample instants only.
+
+    Attributes
+    ----------
+    update : str
+        Method that gives its next value.
+    period : float or str
+        Sample period in seconds, or the parameter that holds it.
+    output : bool
+        Whether it is an output of the FMU too.
+    """
 
     update: str
     period: str | float
@@ -103,24 +133,69 @@ class DiscreteDeclaration(Started):
 
 
 def named(declaration: _D, name: str) -> _D:
-    """Name a declaration outside a class body."""
+    """Name a declaration outside a class body.
+
+    Parameters
+    ----------
+    declaration : Declaration
+        Is changed in place.
+    name : str
+
+    Returns
+    -------
+    Declaration
+        The same.
+    """
     declaration.name = name
     return declaration
 
 
 def starting(parameter: ParameterDeclaration, state: str) -> ParameterDeclaration:
-    """Make a parameter the start value of a state, and name it after that."""
+    """Make a parameter the start value of a state, and name it after that.
+
+    Parameters
+    ----------
+    parameter : ParameterDeclaration
+        Is changed in place.
+    state : str
+        Name of the state, continuous or discrete.
+
+    Returns
+    -------
+    ParameterDeclaration
+        The same.
+    """
     parameter.starts = state
     return named(parameter, f"{state}_start")
 
 
 def Parameter(default: Number, unit: str, **about: Any) -> Any:
-    """Declare a parameter with its default value, unit and range (see :class:`Declaration`)."""
+    """Declare a parameter.
+
+    Parameters
+    ----------
+    default : float, int or bool
+        SI.
+    unit : str
+        SI unit as pint reads it.
+    **about
+        The other attributes of :class:`Declaration`: range, nominal value, description, ...
+    """
     return ParameterDeclaration(start=default, unit=unit, **about)
 
 
 def Input(unit: str, start: Number = 0.0, **about: Any) -> Any:
-    """Declare an input; ``start`` is its value until it is set."""
+    """Declare an input.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit as pint reads it.
+    start : float, int or bool
+        Its value until it is set, SI.
+    **about
+        See :func:`Parameter`.
+    """
     return InputDeclaration(unit=unit, start=start, **about)
 
 
@@ -128,6 +203,18 @@ def Output(unit: str, **about: Any) -> Callable[[Callable[[Any], Any]], Any]:
     """Declare the decorated law as an output of the same name; its docstring's first line is the description.
 
     The law stays callable (``self.voltage()``), and a subclass overrides it with a plain method.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit as pint reads it.
+    **about
+        See :func:`Parameter`.
+
+    Returns
+    -------
+    callable
+        Decorator of the law.
     """
 
     def declare(law: Callable[[Any], Any]) -> Any:
@@ -138,9 +225,20 @@ def Output(unit: str, **about: Any) -> Callable[[Callable[[Any], Any]], Any]:
 
 
 def State(unit: str, rate: str, start: Number = 0.0, output: bool = False, **about: Any) -> Any:
-    """Declare a continuous state; ``rate`` names the method that gives its time derivative.
+    """Declare a continuous state; every state ``s`` brings a parameter ``s_start``.
 
-    Every state ``s`` brings a parameter ``s_start`` whose default is ``start``.
+    Parameters
+    ----------
+    unit : str
+        SI unit as pint reads it.
+    rate : str
+        Method that gives its time derivative.
+    start : float
+        Default of its start parameter, SI.
+    output : bool
+        Whether it is an output of the FMU too.
+    **about
+        See :func:`Parameter`.
     """
     return StateDeclaration(unit=unit, rate=rate, start=start, output=output, **about)
 
@@ -150,12 +248,26 @@ def Discrete(
 ) -> Any:
     """Declare a state that changes only at sample instants.
 
-    ``update`` names the method that gives the next value; ``period`` is the sample period in seconds or the name of
-    the parameter that holds it. All states of one period are updated together from the values before the instant.
+    All states of one period are updated together from the values before the instant. Where several periods coincide
+    they are updated in order of declaration, and a later one sees the new values of an earlier one.
 
     A sample instant at the end of a communication step is taken at the start of the next one, with the inputs of that
-    one; so at the start time the state still shows its start value. Where several periods coincide they are updated
-    in order of declaration, and a later one sees the new values of an earlier one.
+    one; so at the start time the state still shows its start value.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit as pint reads it.
+    update : str
+        Method that gives the next value.
+    period : float or str
+        Sample period in seconds, or the parameter that holds it.
+    start : float, int or bool
+        Default of its start parameter, SI.
+    output : bool
+        Whether it is an output of the FMU too.
+    **about
+        See :func:`Parameter`.
     """
     return DiscreteDeclaration(unit=unit, update=update, period=period, start=start, output=output, **about)
 

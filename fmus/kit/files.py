@@ -12,6 +12,11 @@ from fmus.kit.errors import UserError
 def write(path: Path, contents: bytes) -> None:
     """Write a file whole or not at all, making its folder.
 
+    Parameters
+    ----------
+    path : Path
+    contents : bytes
+
     Raises
     ------
     UserError
@@ -31,6 +36,11 @@ def write(path: Path, contents: bytes) -> None:
 
 def write_once(path: Path, contents: bytes) -> None:
     """Write a file whose name identifies its contents; if another process was faster, all is well.
+
+    Parameters
+    ----------
+    path : Path
+    contents : bytes
 
     Raises
     ------

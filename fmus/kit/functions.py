@@ -73,6 +73,15 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
     """Choose ``yes`` where the condition holds, else ``no``.
 
     Both are computed; each must be finite-valued arithmetic over the whole declared range.
+
+    Parameters
+    ----------
+    condition : bool, ndarray or SX
+    yes, no : float, ndarray or SX
+
+    Returns
+    -------
+    float, ndarray or SX
     """
     if isinstance(condition, _SCALARS):
         return yes if condition else no

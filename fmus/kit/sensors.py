@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import wraps
 from typing import Any
 
 from .component import Component, Effect
@@ -31,6 +30,23 @@ SHORTEST_LAG = 0.01
 DELAY_PERIOD, DELAY_SAMPLES = 0.02, 64
 _ONCE = 1e9  # a sample period, in seconds, that leaves one sample in any simulation: the one at the start
 _ANY = 1e9  # bound of parameters that may have any value
+_ARGUMENTS = """
+
+    Parameters
+    ----------
+    component : type[Component]
+    output : str
+        One of its real outputs.
+
+    Returns
+    -------
+    type[Effect]
+
+    Raises
+    ------
+    UserError
+        If there is no such output.
+    """
 
 
 @dataclass(frozen=True)
@@ -52,7 +68,6 @@ class _Quantity:
 def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
     """Make a factory of effects from a function that returns the class body for one output."""
 
-    @wraps(body)
     def make(component: type[Component], output: str) -> type[Effect]:
         declared = {o.name: o for o in component.layout.outputs if o.type == "real"}
         if output not in declared:
@@ -75,6 +90,9 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
         effect: type[Effect] = type(title, (Effect,), members | {"__module__": __name__})
         return effect
 
+    # not functools.wraps: the signature is that of the factory
+    make.__name__ = make.__qualname__ = body.__name__
+    make.__doc__ = f"{body.__doc__}{_ARGUMENTS}"
     return make
 
 
@@ -217,6 +235,15 @@ MEASUREMENTS: dict[str, Factory] = {
 
 
 def measurement_effects(component: type[Component]) -> list[type[Effect]]:
-    """Every effect of the measurement that a component can have: each of `MEASUREMENTS` on each real output."""
+    """Every effect of the measurement that a component can have: each of `MEASUREMENTS` on each real output.
+
+    Parameters
+    ----------
+    component : type[Component]
+
+    Returns
+    -------
+    list of type[Effect]
+    """
     outputs = [o.name for o in component.layout.outputs if o.type == "real"]
     return [make(component, output) for output in outputs for make in MEASUREMENTS.values()]

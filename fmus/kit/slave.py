@@ -72,12 +72,20 @@ class Slave:
     def evaluate(self, time: float) -> str | None:
         """Compute the outputs from the memory.
 
-        Whatever a law does, the host gets a sentence and not an exception.
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        str or None
+            Message of an error: whatever a law does, the host gets a sentence and not an exception.
         """
         return self._compute(time, self._outputs, self._first_output)
 
     def differentiate(self, time: float) -> str | None:
-        """Compute the derivatives of the states from the memory."""
+        """Compute the derivatives of the states from the memory; see :meth:`evaluate`."""
         return self._compute(time, self.integrator.rates, self._first_derivative)
 
     def _compute(self, time: float, laws: list[Callable[[], Any]], first: int) -> str | None:
@@ -94,7 +102,18 @@ class Slave:
         return None
 
     def advance(self, time: float, step: float) -> str | None:
-        """Advance the states by one communication step."""
+        """Advance the states by one communication step.
+
+        Parameters
+        ----------
+        time, step : float
+            In s.
+
+        Returns
+        -------
+        str or None
+            Message of an error.
+        """
         try:
             memory, component, integrator, internals = self.memory, self.component, self.integrator, self._internals
             if memory[internals + _PARAMETERS_CHANGED]:

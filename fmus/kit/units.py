@@ -51,6 +51,10 @@ def parse(unit: str) -> pint.Unit:
     unit : str
         As pint reads it; ``"1"`` and ``"%"`` are dimensionless.
 
+    Returns
+    -------
+    pint.Unit
+
     Raises
     ------
     UserError
@@ -67,6 +71,15 @@ def parse(unit: str) -> pint.Unit:
 @lru_cache
 def base_unit(unit: str) -> BaseUnit:
     """Express a unit in SI base units, for FMI's ``UnitDefinitions``.
+
+    Parameters
+    ----------
+    unit : str
+        As pint reads it.
+
+    Returns
+    -------
+    BaseUnit
 
     Raises
     ------
@@ -95,6 +108,10 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
     what : str
         What is converted, for the message.
 
+    Returns
+    -------
+    float or ndarray
+
     Raises
     ------
     UserError
@@ -113,6 +130,14 @@ def convertible(source: pint.Unit, target: pint.Unit) -> bool:
 
     pint counts an angle as a pure number, so that 1 Hz would be 1 rad/s and 60 rpm would be 2 pi Hz; here an angle
     must remain one.
+
+    Parameters
+    ----------
+    source, target : pint.Unit
+
+    Returns
+    -------
+    bool
     """
     return source.dimensionality == target.dimensionality and _angles(source) == _angles(target)
 
@@ -125,29 +150,75 @@ def _angles(unit: pint.Unit) -> float:
 
 
 class Described(Protocol):
-    """What is needed to write a value: a declaration, or a variable of anybody's FMU."""
+    """What is needed to write a value: a declaration, or a variable of anybody's FMU.
+
+    Attributes
+    ----------
+    type : {"real", "integer", "boolean"}
+    unit : str
+        SI unit.
+    display : str or None
+        Unit for people; None is the SI unit.
+    min, max : float
+        Inclusive range.
+    """
 
     type: str
     unit: str
-    display: Any  # str, or None for the unit itself
+    display: Any  # str | None would not match a class that always has one, for an attribute can be set
     min: float
     max: float
 
 
 def shown(value: float, variable: Described, digits: int = 6) -> str:
-    """Return a value with its unit as people read it, e.g. ``0.068 mm/C``."""
+    """Write a value with its unit as people read it, e.g. ``0.068 mm/C``.
+
+    Parameters
+    ----------
+    value : float
+        SI.
+    variable : Described
+    digits : int
+        Significant ones.
+
+    Returns
+    -------
+    str
+    """
     if variable.type == "boolean":
         return "true" if value else "false"
     return _with_unit(value, variable.unit, variable.display or variable.unit, digits)
 
 
 def shown_difference(value: float, variable: Described, digits: int = 6) -> str:
-    """Return a difference of two values, such as an error, with its unit: 2 K stay 2 K where 2 K would be -271 degC."""
+    """Write a difference of two values, such as an error: 2 K stay 2 K, where the value 2 K would be -271 degC.
+
+    Parameters
+    ----------
+    value : float
+        SI.
+    variable : Described
+    digits : int
+        Significant ones.
+
+    Returns
+    -------
+    str
+    """
     return _with_unit(value, variable.unit, unit_of_differences(variable), digits)
 
 
 def unit_of_differences(variable: Described) -> str:
-    """Return the unit people prefer for differences: the displayed one unless it has an offset."""
+    """Choose the unit people prefer for differences: the displayed one unless it has an offset.
+
+    Parameters
+    ----------
+    variable : Described
+
+    Returns
+    -------
+    str
+    """
     unit = variable.display or variable.unit
     return unit if convert(0.0, variable.unit, unit) == 0.0 else variable.unit
 
@@ -157,7 +228,17 @@ def _with_unit(value: float, unit: str, display: str, digits: int) -> str:
 
 
 def allowed(variable: Described) -> str:
-    """Return the range of a variable as people read it, e.g. ``0 … 1e+06 ohm``; empty if open."""
+    """Write the range of a variable as people read it, e.g. ``0 … 1e+06 ohm``.
+
+    Parameters
+    ----------
+    variable : Described
+
+    Returns
+    -------
+    str
+        Empty if the range is open.
+    """
     low, high = math.isfinite(variable.min), math.isfinite(variable.max)
     if low and high:
         least = convert(variable.min, variable.unit, variable.display or variable.unit)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.kit import Component, files
+from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from orchestration.api.records import matching_record
 from orchestration.discrepancy import pipeline
@@ -172,15 +173,15 @@ class DiagnosisResult:
         """
         return picture.draw(self._result.diagnosis, self._result.model, None if path is None else Path(path))
 
-    def report(self, path: str | Path, command: Sequence[str] | None = None) -> Path:
+    def report(self, path: str | Path, command: str = "") -> Path:
         """Write the page to look at and pass on.
 
         Parameters
         ----------
         path : str or Path
             An ``.html`` file.
-        command : sequence of str, optional
-            What made it, for the page; default the command that does the same.
+        command : str
+            What made it, for the page; unless given, a command that does the same.
 
         Raises
         ------
@@ -191,10 +192,15 @@ class DiagnosisResult:
         if target.suffix.lower() not in (".html", ".htm"):
             raise UserError(f"{target}: the name of a report ends in .html")
         same = ["ppy", "diagnose", str(self.record.source), "--model", self._result.model.name]
-        page(self._result, shlex.join(command or same)).write(target)
+        page(self._result, command or shlex.join(same)).write(target)
         return target
 
-    def fmu(self, path: str | Path, platforms: Sequence[str] | None = None) -> list[Path]:
+    def fmu(
+        self,
+        path: str | Path,
+        platforms: Sequence[str] | None = None,
+        progress: Callable[[str], None] = lambda text: None,
+    ) -> list[Path]:
         """Write the extended model as an FMU: the native build to the path, the Python build beside it.
 
         Parameters
@@ -202,7 +208,9 @@ class DiagnosisResult:
         path : str or Path
             ``F.fmu``; the Python build goes to ``F.python.fmu``.
         platforms : sequence of str, optional
-            FMI platforms; default every one that a compiler here can serve.
+            FMI platforms; default this machine's.
+        progress : callable
+            Told what is being done.
 
         Raises
         ------
@@ -212,7 +220,7 @@ class DiagnosisResult:
         if self.model is None:
             raise UserError(f"{path}: nothing could be said of the model, so there is nothing to make an FMU of")
         kept = [self.record.source, *([self._result.holdout.source] if self._result.holdout else [])]
-        return export(self.model, Path(path), kept, platforms)
+        return export(self.model, Path(path), kept, platforms or [host_platform()], progress)
 
 
 def diagnose(

@@ -160,7 +160,7 @@ def simulate(
             raise UserError(f"{subject.name}: no input named {name!r}{suggestion(name, subject.inputs)}")
         given = np.asarray(values(points) if callable(values) else values, dtype=float)
         if given.shape not in ((), points.shape):
-            raise UserError(f"{name}: {given.shape} values for {points.shape} points in time")
+            raise UserError(f"{name}: shape {given.shape} for {points.size} points in time")
         driven[name] = np.broadcast_to(given, points.shape)
     parameters = subject.settings([f"{name}={value}" for name, value in (settings or {}).items()])
     return Simulation(subject, points, driven, run_fmu(subject, points, driven, parameters))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,21 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus import COMPONENTS, component
-from fmus.kit import files, units
+from fmus.kit import files
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
-from fmus.kit.units import shown, shown_difference
-from orchestration.cli import diagnose as screen_diagnose
-from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.report import picture
-from orchestration.discrepancy.report.wording import sentence
+from orchestration.api.diagnosis import DiagnosisResult, diagnose
+from orchestration.cli import compare as screen_compare
+from orchestration.cli import demo_report
+from orchestration.cli.demo_report import ThesisRun
 from orchestration.experiment import waveforms
 from orchestration.fmu import simulate
 from orchestration.fmu.model import Model, find_model
 from orchestration.identify import comparison as comparing
 from orchestration.records import write_record
 from orchestration.reporting import console as screen
-from orchestration.reporting.page import Markup, Page
 from orchestration.rig.emulator.emulator import EmulatedRig, Physics, RigParameters
 from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
 
@@ -36,16 +34,6 @@ _FITTED = ["R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2"]
 _UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 _SEED, _SEED_HIDDEN = 3, 7
 _GROWN = 1.0  # C, around which the films stop growing where an effect is hidden
-_DIGITS = 4
-
-
-@dataclass(frozen=True)
-class _Run:
-    """An experiment of the thesis, simulated with both builds."""
-
-    title: str
-    picture: Path
-    difference: float
 
 
 def run(out: Path) -> Path:
@@ -80,28 +68,30 @@ def run(out: Path) -> Path:
         after = comparing.compare(model, unseen, first.fit.values if first.fit else {})
         tell("drawing")
         comparing.plot(first, out / "compare.png")
-    screen.show(first)
+    screen_compare.show(first)
     for name, judged in after.before.items():
         print(f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % -> {judged.fit_percent:.1f} % fit")
     print(f"\nthe same rig, but its films stop growing around {_GROWN:g} C, and no model was told")
-    found = _diagnose(out, truth)
-    picture.draw(found, model, out / "diagnosis.png")
-    report = _report(out, runs, truth, first, before, after, found)
-    print(f"report: {report}")
-    return report
+    with screen.progress() as tell:
+        diagnosed = _diagnose(out, truth, tell)
+    print(diagnosed)
+    made = demo_report.write(out, demo_report.Results(runs, truth, first, before, after, diagnosed, _GROWN))
+    print(f"report: {made}")
+    return made
 
 
-def _build(out: Path, tell: Callable[[str], None]) -> dict[str, Model]:
+def _build(out: Path, tell: screen.Tell) -> dict[str, Model]:
     """Build every component both ways for this machine; return the force-driven actuator's two builds."""
-    for name in COMPONENTS:
-        for runtime in RUNTIMES:
-            contents = build(component(name), runtime, [host_platform()], progress=tell)
-            files.write(out / "fmu" / runtime / f"{name}.fmu", contents)
+    work = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
+    tell(f"building {len(work)} FMUs")
+    for k, (name, runtime) in enumerate(work):
+        contents = build(component(name), runtime, [host_platform()], partial(tell.done, k, len(work)))
+        files.write(out / "fmu" / runtime / f"{name}.fmu", contents)
     models = {runtime: find_model(str(out / "fmu" / runtime / f"{_MODEL}.fmu")) for runtime in RUNTIMES}
     return {runtime: replace(model, name=_MODEL, cls=component(_MODEL)) for runtime, model in models.items()}
 
 
-def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None]) -> list[_Run]:
+def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None]) -> list[ThesisRun]:
     """Fig. 3-4, a current square wave, and fig. 3-6, a staircase of loads, simulated by both builds."""
     short = simulate.grid(0.0, 60.0, _STEP)
     long = simulate.grid(0.0, 500.0, _STEP)
@@ -125,17 +115,19 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
         drawn = ["voltage", "displacement"] if "current" in inputs else ["displacement"]
         signals = inputs | {name: native[name] for name in drawn}
         simulate.plot(out / f"{file}.png", models["native"], time, signals, title)
-        runs.append(_Run(title, out / f"{file}.png", difference))
+        runs.append(ThesisRun(title, out / f"{file}.png", difference))
     return runs
 
 
-def _diagnose(out: Path, truth: RigParameters) -> Diagnosis:
-    """Hide an effect in a record and let ``ppy diagnose`` find it."""
+def _diagnose(out: Path, truth: RigParameters, tell: Callable[[str], None]) -> DiagnosisResult:
+    """Hide an effect in a record and let a diagnosis find it."""
     hidden = partial(SaturatingStrain, saturation=1.0 / _GROWN)
     record = _measure(out / "hidden.csv", truth, _SEED_HIDDEN, hidden)
-    files = screen_diagnose.Files(record, report=out / "diagnosis.html")
-    command = ["ppy", "diagnose", record.name, "--report", "diagnosis.html"]
-    return screen_diagnose.run(files, _MODEL, [], [], [], command)
+    result = diagnose(record, _MODEL, progress=tell)
+    tell("drawing the report")
+    result.report(out / "diagnosis.html", f"ppy diagnose {record.name} --report diagnosis.html")
+    result.plot(out / "diagnosis.png")
+    return result
 
 
 def _measure(
@@ -148,95 +140,3 @@ def _measure(
     inputs = {"current": current, "force": force}
     write_record(path, time, inputs | EmulatedRig(truth, seed=seed, hidden=hidden).run(time, **inputs), _UNITS)
     return path
-
-
-def _report(
-    out: Path,
-    runs: list[_Run],
-    truth: RigParameters,
-    first: comparing.Comparison,
-    before: comparing.Comparison,
-    after: comparing.Comparison,
-    found: Diagnosis,
-) -> Path:
-    gains = ", ".join(
-        f"{name} from {before.before[name].fit_percent:.1f} % to {judged.fit_percent:.1f} %"
-        for name, judged in after.before.items()
-    )
-    errors = ", ".join(
-        f"{name} from {100.0 * error:.1f} % to {100.0 * found.after[name]:.1f} %"
-        for name, error in found.before.items()
-    )
-    page = Page(
-        "What a diagnosis and a recalibration gain",
-        f"An effect was hidden. {sentence(found)} With it, the error on data that no fit has seen goes: {errors}.",
-    )
-    page.heading("A cause found")
-    page.text(
-        f"An emulated rig whose films stop growing around a charge of {_GROWN:g} C, in a form of its own. No model was "
-        "told: the simulation was held against what the instruments show. All parameters were refitted first; the "
-        "picture is of the last third of the record, which no fit has seen."
-    )
-    page.picture(
-        out / "diagnosis.png", "Measured, refitted and extended simulation of what gained most, and residuals."
-    )
-    page.text(Markup('<a href="diagnosis.html">The whole diagnosis</a>: evidence, parameters, what is left.'))
-    page.heading("Parameters off nominal, recalibrated")
-    page.text(f"Another record, with nothing hidden. On data it has not seen, the fit rises: {gains}.")
-    page.text(
-        "Ten minutes at 10 Hz from an emulated rig: own equations, own integrator, instrument noise of "
-        f"{units.convert(EmulatedRig.voltage_noise, 'V', 'mV'):g} mV and "
-        f"{units.convert(EmulatedRig.displacement_noise, 'm', 'um'):g} µm, and parameters that differ from nominal. "
-        "The model sees only the CSV file."
-    )
-    page.picture(out / "compare.png", "Record, nominal and recalibrated simulation, each output above its residual.")
-    page.heading("Parameters")
-    page.table(
-        ["parameter", "nominal", "fitted", "95 % from", "to", "the rig's own", "inside"],
-        _parameters(first, truth),
-    )
-    page.text("A 95 % interval misses the truth once in twenty; of eight, one or more miss in a third of all records.")
-    page.items(first.fit.warnings if first.fit else [])
-    page.heading("Fit per output")
-    rows = _outputs("recalibrated on", first.before, first.after or {}, first.model)
-    rows += _outputs("unseen", before.before, after.before, first.model)
-    page.table(["record", "output", "fit before", "fit after", "RMS before", "RMS after", "residual after"], rows)
-    page.heading("Two experiments of the thesis")
-    for run in runs:
-        agreement = "Python and native FMU give the same values to the last digit."
-        if run.difference > 0.0:
-            agreement = f"Python and native FMU differ by at most {run.difference:.1e} of the largest value."
-        page.picture(run.picture, f"{run.title}. {agreement}")
-    page.heading("How to reproduce")
-    fitted = ",".join(_FITTED)
-    page.code(
-        [
-            "ppy demo",
-            "ppy diagnose hidden.csv --report diagnosis.html",
-            f"ppy compare record.csv --model ppy_actuator --fit {fitted} --plot compare.png",
-        ]
-    )
-    page.write(out / "report.html")
-    return out / "report.html"
-
-
-def _parameters(comparison: comparing.Comparison, truth: RigParameters) -> list[list[str]]:
-    true, rows = asdict(truth), []
-    for name, e in comparison.fit.estimates.items() if comparison.fit else ():
-        signal, (low, high) = comparison.model.parameters[name], e.interval
-        texts = [shown(x, signal, _DIGITS) for x in (e.nominal, e.value, low, high, true[name])]
-        rows.append([name, *texts, "yes" if low <= true[name] <= high else "no"])
-    return rows
-
-
-def _outputs(
-    label: str, before: Mapping[str, comparing.Judgement], after: Mapping[str, comparing.Judgement], model: Model
-) -> list[list[str]]:
-    rows = []
-    for name, b in before.items():
-        a, signal = after[name], model.outputs[name]
-        white = a.whiteness.summary() if a.whiteness else "too short to judge"
-        fits = [f"{b.fit_percent:.1f} %", f"{a.fit_percent:.1f} %"]
-        errors = [shown_difference(x.rms, signal, _DIGITS) for x in (b, a)]
-        rows.append([label, name, *fits, *errors, white])
-    return rows

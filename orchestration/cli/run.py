@@ -1,25 +1,63 @@
-"""What ``ppy run`` shows on the terminal, and the order in which it does its work."""
+"""``ppy run``: an experiment made, or one made again and compared bit by bit."""
 
 from __future__ import annotations
 
-import json
-import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.table import Table
+import typer
 
 from fmus.kit.errors import UserError
-from orchestration.reporting.console import check_results, err, out, progress
+from orchestration.cli.options import Json, complete_experiments, option
+from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
 
 if TYPE_CHECKING:
     import xarray
 
 
-def catalogue() -> None:
-    """List the experiments that ship."""
+def run(
+    experiment: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME|FILE.toml|RESULT",
+            help="One of --list, a file, or a result to make again.",
+            autocompletion=complete_experiments,
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        option("--set", metavar="KEY=VALUE", help="Over the file: duration=20s, R1=610mohm, inputs.current.value=1."),
+    ] = None,
+    out: Annotated[
+        Path | None, option("--out", metavar="FILE", help="Result: .nc, .parquet (both can be run again) or .csv.")
+    ] = None,
+    plot: Annotated[
+        Path | None, option("--plot", metavar="FILE", help="Picture (.png, .svg, .pdf) or page (.html).")
+    ] = None,
+    result: Json = None,
+    runtime: Annotated[
+        str | None, option("--runtime", help="Which build of components to run: native, python.")
+    ] = None,
+    show_list: Annotated[bool, typer.Option("--list", help="List the experiments that ship.")] = False,
+) -> None:
+    """Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit."""
+    if show_list:
+        _list()
+        return
+    if experiment is None:
+        raise UserError("ppy run needs the name or the file of an experiment (ppy run --list shows what there is)")
+    with standard_output_for(result):
+        complete, reproduced = _run(experiment, settings or [], runtime, out, plot, result)
+    if not complete:
+        raise KeyboardInterrupt
+    if not reproduced:
+        raise typer.Exit(1)
+
+
+def _list() -> None:
+    import tomllib
+
     from orchestration.experiment.library import shipped
 
     width = max(map(len, shipped()))
@@ -27,91 +65,94 @@ def catalogue() -> None:
         print(f"{name:{width}}  {tomllib.loads(path.read_text(encoding='utf-8'))['title']}")
 
 
-def run(
-    name: str, settings: Sequence[str], runtime: str | None, result: Path | None, picture: Path | None
+def _run(
+    name: str, settings: Sequence[str], runtime: str | None, out: Path | None, plot: Path | None, result: Path | None
 ) -> tuple[bool, bool]:
-    """Do ``ppy run``.
-
-    Returns
-    -------
-    complete, reproduced : bool
-        Whether it came to its end; and, where a result is made again, whether every bit is the same.
-    """
+    """Run an experiment; return whether it came to its end, and whether every bit is that of the result it was."""
     from orchestration.experiment import result_page, results
     from orchestration.experiment.reading import files, movable, read
     from orchestration.experiment.run import run as make
+    from orchestration.reporting import pictures
+    from orchestration.reporting.console import note, progress, wrote
 
     source = Path(name)
     is_result = source.is_file() and source.suffix.lower() != ".toml"
     chosen = [*settings, *([f"runtime={runtime}"] if runtime else [])]
     wanted = read(name, chosen)
-    _check_targets({"result" if is_result else "experiment": source} | files(wanted), result, picture)
+    reads = {"result" if is_result else "experiment": source} | files(wanted)
+    Outputs(
+        {f"the {what}": path for what, path in reads.items()},
+        {"--out": out, "--plot": plot, "--json": result},
+        {"--out": SIGNALS, "--plot": (*pictures.FORMATS, ".html"), "--json": JSON},
+    ).check()
     earlier = results.read(source) if is_result and not chosen else None
     if earlier is not None and not earlier.attrs["complete"]:
-        err.print(f"noted: {name} is incomplete; it is repeated as far as it goes, {wanted.duration:g} s", markup=False)
+        note(f"{name} is incomplete; it is repeated as far as it goes, {wanted.duration:g} s")
     with progress() as tell:
         tell(f"running {name} (FMUs that are not in the cache are built first)")
-        found = make(
-            wanted, name, tell.done, lambda line: err.print(f"noted: {line}", markup=False),
-            lambda sketch: None if result is None else results.check(sketch, result),
+        data = make(
+            wanted, name, tell.done, note, lambda sketch: None if out is None else results.check(sketch, out)
         )  # fmt: skip
-    _show(found)
-    if result is not None:
-        results.write(movable(found, result.parent), result)
-        out.print(f"wrote {result}" + ("" if found.attrs["complete"] else " (incomplete)"), markup=False)
-    if picture is not None:
-        result_page.plot(found, picture)
-        out.print(f"wrote {picture}", markup=False)
-    return bool(found.attrs["complete"]), earlier is None or _same(found, earlier, name)
+    _show(data)
+    if out is not None:
+        results.write(movable(data, out.parent), out)
+        wrote(out, "" if data.attrs["complete"] else "incomplete")
+    if plot is not None:
+        result_page.plot(data, plot)
+        wrote(plot)
+    differences = None if earlier is None else _compare(data, earlier, name)
+    write_json(result, _as_json(data, name if earlier is not None else None, differences))
+    return bool(data.attrs["complete"]), not differences
 
 
-def _check_targets(sources: Mapping[str, Path], result: Path | None, picture: Path | None) -> None:
-    """Refuse, before anything is computed, names under which nothing can be written or something would be lost."""
-    from orchestration.experiment import results
-
-    page = picture is not None and picture.suffix.lower() == ".html"
-    check_results(sources, result, picture, page)
-    if result is not None:
-        results.check_format(result)
-    for path in filter(None, (result, picture)):
-        folder = path.absolute().parent
-        while not folder.exists():
-            folder = folder.parent
-        if not folder.is_dir() or not os.access(folder, os.W_OK):
-            raise UserError(f"cannot write {path}: {folder} is {'read-only' if folder.is_dir() else 'no folder'}")
-
-
-def _show(found: xarray.Dataset) -> None:
+def _show(data: xarray.Dataset) -> None:
     from orchestration.experiment import result_page
+    from orchestration.reporting.console import out, plain_table
 
-    table = Table(box=None, pad_edge=False)
-    for column in ("signal", "smallest", "largest", "last"):
-        table.add_column(column, justify="left" if column == "signal" else "right")
-    for row in result_page.extremes(found):
+    columns = ("smallest", "largest", "last")
+    table = plain_table(None, "signal", *columns, right=columns)
+    for row in result_page.extremes(data):
         table.add_row(*row)
-    out.print(result_page.state(found), markup=False)
+    out.print(result_page.state(data))
     out.print(table)
 
 
-def _same(found: xarray.Dataset, earlier: xarray.Dataset, name: str) -> bool:
-    """Say whether a result was made again bit by bit, and if not, how far it is off and why that may be."""
-    from orchestration.experiment import results
+def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mapping[str, float]:
+    """Tell whether a result was made again bit by bit, and if not, how far it is off and why that may be."""
+    import json
 
-    then, now = (json.loads(data.attrs["guids"]) for data in (earlier, found))
+    from orchestration.experiment import results
+    from orchestration.reporting.console import note, out, warn
+
+    then, now = (json.loads(made.attrs["guids"]) for made in (earlier, data))
     for member in now:
         if then.get(member) != now[member]:
-            err.print(
-                f"warning: {name} was made with another build of {member} ({then.get(member)}, now {now[member]})",
-                markup=False, soft_wrap=True,
-            )  # fmt: skip
-    apart = results.differences(found, earlier)
-    if not apart:
-        out.print(f"every value is the same to the last bit as in {name}", markup=False)
-    for signal, difference in apart.items():
-        unit = found[signal].units if signal in found else ""
-        out.print(f"not as in {name}: {signal} differs by up to {difference:.3g} {unit}", markup=False)
-    if earlier.attrs["versions"] != found.attrs["versions"]:
-        err.print(
-            f"noted: {name} was made with {earlier.attrs['versions']}; here is {found.attrs['versions']}", markup=False
-        )
-    return not apart
+            warn(f"{name} was made with another build of {member} ({then.get(member)}, now {now[member]})")
+    differences = results.differences(data, earlier)
+    if not differences:
+        out.print(f"every value is the same to the last bit as in {name}")
+    for signal, difference in differences.items():
+        unit = data[signal].units if signal in data else ""
+        out.print(f"not as in {name}: {signal} differs by up to {difference:.3g} {unit}")
+    if earlier.attrs["versions"] != data.attrs["versions"]:
+        note(f"{name} was made with {earlier.attrs['versions']}; here is {data.attrs['versions']}")
+    return differences
+
+
+def _as_json(data: xarray.Dataset, again: str | None, differences: Mapping[str, float] | None) -> dict[str, Any]:
+    """Gather what was run and the extremes of every signal, in the unit beside them."""
+    import json
+
+    about = data.attrs
+    return {
+        "subject": about["subject"], "title": about["title"], "complete": bool(about["complete"]),
+        "points": int(data.time.size), "seconds": float(data.time[-1]), "guids": json.loads(about["guids"]),
+        "signals": {
+            str(name): {
+                "unit": signal.units, "role": signal.role, "smallest": float(signal.min()),
+                "largest": float(signal.max()), "last": float(signal[-1]),
+            }
+            for name, signal in data.items()
+        },
+        "again": None if differences is None else {"of": again, "same": not differences, "apart": dict(differences)},
+    }  # fmt: skip

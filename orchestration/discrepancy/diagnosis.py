@@ -92,8 +92,9 @@ class Diagnosis:
 def searched(cls: type[Component]) -> list[str]:
     """Parameters that every candidate refits: the physical ones, and where the continuous states start."""
     layout = cls.layout
-    others = {d.period for d in layout.discretes} | {f"{d.name}_start" for d in layout.discretes}
-    return [p.name for p in layout.parameters if p.type == "real" and p.name not in others]
+    discrete, periods = {d.name for d in layout.discretes}, {d.period for d in layout.discretes}
+    real = (p for p in layout.parameters if p.type == "real")
+    return [p.name for p in real if p.name not in periods and p.starts not in discrete]
 
 
 # fits run side by side, and the matrices are narrow: a thread for each product would only wait for the others
@@ -139,14 +140,14 @@ def diagnose(
     estimation, validation = parts.estimation, parts.validation
     search = Search(estimation, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
     excited = is_excited(cls, estimation, fixed or {})
-    starts = tuple(name for name in search.parameters if name.endswith("_start"))
+    starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
     selection = Selection(search.nominal()) if inconclusive else select(search, effects)
     selection, predictions, dropped = validated(selection, validation)
     final = replace(search, data=parts.usable).refit(selection.best) if validation.continued else selection.best
     values = estimates(final)
     changed = [] if inconclusive else significantly_changed(final, search.parameters)
-    odd = implausible(values, search.parameters)
+    odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
     residuals = analyse_residuals(selection.best, estimation)
     before, after = predictions[0].errors, predictions[-1].errors
     notes = [

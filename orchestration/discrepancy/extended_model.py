@@ -65,7 +65,7 @@ def extended(diagnosis: Diagnosis, record: str) -> type[Component]:
     Raises
     ------
     UserError
-        If the record does not move any input, so that nothing was diagnosis.
+        If the record does not move any input, so that nothing was diagnosed.
     """
     if diagnosis.inconclusive:
         raise UserError(f"{record}: no input moves, so that there is nothing to make an FMU of")
@@ -91,7 +91,7 @@ def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -
         remarks.append(f"Nothing was added to {base}: only its parameters were fitted")
     alternatives = [e.effect_name for step in diagnosis.selection.steps for e in step.alternatives]
     if alternatives:
-        remarks.append(f"On this record it cannot be remarks apart from {', '.join(alternatives)}")
+        remarks.append(f"On this record it cannot be told apart from {', '.join(alternatives)}")
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         remarks.append("It does not account for all that the record shows")
     for p in best.cls.layout.parameters:

@@ -31,7 +31,7 @@ def _flat(given: Any) -> Any:
 Setting = Annotated[bool | int | float | str, PlainValidator(_setting)]
 
 
-class Noise(Table):
+class NoiseTable(Table):
     """What a measurement adds to a recorded output: white, or by `correlation` from one point to the next AR(1)."""
 
     rms: Amount
@@ -80,7 +80,7 @@ class Experiment(Table):
     parameters: Annotated[dict[str, Setting], BeforeValidator(_flat)] = {}
     inputs: dict[str, AnyStimulus] = {}
     record: list[str] | None = None
-    noise: dict[str, Noise] = {}
+    noise: dict[str, NoiseTable] = {}
     over: str = "time"
 
     @model_validator(mode="after")
@@ -123,7 +123,7 @@ def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Ex
 
 
 def _line(problem: Any) -> str:
-    """Tell a problem that pydantic has found: key, value, what is allowed."""
+    """Put a problem that pydantic reports into a line: key, value, what is allowed."""
     place = list(problem["loc"])
     if place[:1] == ["inputs"]:
         del place[2:3]  # the kind, by which pydantic distinguishes the tables
@@ -135,13 +135,13 @@ def _line(problem: Any) -> str:
     if kind == "union_tag_invalid":
         kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
         return f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
-    shown = "" if isinstance(given, dict) else f" = {given!r}"
+    value = "" if isinstance(given, dict) else f" = {given!r}"
     if kind == "value_error":
-        return f"{_key(place)}{shown}: {context['error']}".removeprefix(": ")
+        return f"{_key(place)}{value}: {context['error']}".removeprefix(": ")
     allowed = (
         problem["msg"].removeprefix("Input ").replace("valid dictionary", "table").replace(" after validation", "")
     )
-    return f"{_key(place)}{shown}: {allowed[0].lower()}{allowed[1:]}"
+    return f"{_key(place)}{value}: {allowed[0].lower()}{allowed[1:]}"
 
 
 def _key(place: list[Any]) -> str:

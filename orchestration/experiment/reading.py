@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.library import shipped
-from orchestration.experiment.model import Experiment, Noise, parse
+from orchestration.experiment.model import Experiment, NoiseTable, parse
 from orchestration.experiment.stimulus import KINDS
 
 if TYPE_CHECKING:
     import xarray
 
-_INNER = {"inputs": {key for kind in KINDS for key in kind.model_fields}, "noise": set(Noise.model_fields)}
+_INNER = {"inputs": {key for kind in KINDS for key in kind.model_fields}, "noise": set(NoiseTable.model_fields)}
 
 
 def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
@@ -121,14 +121,14 @@ def _set(given: dict[str, Any], setting: str) -> None:
 
 def _place(key: str, given: dict[str, Any]) -> list[str]:
     """Split a key at those of its dots that part tables; names of variables have dots of their own."""
-    table, _, rest = key.partition(".")
+    table, _, inner = key.partition(".")
     if table not in Experiment.model_fields:
         return ["parameters", key]
-    name, _, last = rest.rpartition(".")
+    name, _, last = inner.rpartition(".")
     there = given.get(table)
     if name and ((isinstance(there, dict) and name in there) or last in _INNER.get(table, ())):
         return [table, name, last]
-    return [table, rest] if rest else [table]
+    return [table, inner] if inner else [table]
 
 
 def _value(text: str) -> Any:

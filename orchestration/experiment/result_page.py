@@ -1,4 +1,4 @@
-"""What is shown of the results of an experiment: a sentence, a table of extremes, a picture, a page."""
+"""Results of an experiment for people: a sentence, a table of extremes, a picture, a page."""
 
 from __future__ import annotations
 

@@ -168,12 +168,12 @@ def differences(new: xarray.Dataset, old: xarray.Dataset) -> dict[str, float]:
         In the signal's unit; infinite for a signal that only one of the two has.
     """
     count = min(new.time.size, old.time.size)
-    found = {}
+    largest = {}
     for name in dict.fromkeys(["time", *new, *old]):
         if name not in new.variables or name not in old.variables:
-            found[str(name)] = np.inf
+            largest[str(name)] = np.inf
             continue
         one, other = (np.asarray(d[name].values[:count], dtype="<f8") for d in (new, old))
         if one.tobytes() != other.tobytes():
-            found[str(name)] = float(np.max(np.abs(one - other)))
-    return found
+            largest[str(name)] = float(np.max(np.abs(one - other)))
+    return largest

@@ -43,7 +43,7 @@ class Place:
     notes: list[str] = field(default_factory=list)
 
 
-class Stimulus(Table):
+class StimulusTable(Table):
     """A signal over time."""
 
     def values(self, time: Array, place: Place) -> Array:
@@ -93,7 +93,7 @@ class Stimulus(Table):
             )
 
 
-class Constant(Stimulus):
+class Constant(StimulusTable):
     """One value; written without a table, it is this too."""
 
     kind: Literal["constant"]
@@ -103,7 +103,7 @@ class Constant(Stimulus):
         return np.full(time.size, self._in(place.unit, "value"))
 
 
-class _Wave(Stimulus):
+class _Wave(StimulusTable):
     amplitude: Amount
     offset: Amount = _ZERO
 
@@ -150,7 +150,7 @@ class Chirp(_Wave):
         return waveforms.chirp(time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset)
 
 
-class Multisine(Stimulus):
+class Multisine(StimulusTable):
     """Equally strong sines with random phases; `rms` is that of their sum about the offset."""
 
     kind: Literal["multisine"]
@@ -166,7 +166,7 @@ class Multisine(Stimulus):
         return waveforms.multisine(time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset)
 
 
-class Multilevel(Stimulus):
+class Multilevel(StimulusTable):
     """Random jumps among levels, each held for a random time between the two of `dwell`."""
 
     kind: Literal["multilevel"]
@@ -180,7 +180,7 @@ class Multilevel(Stimulus):
         return waveforms.multilevel(time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed)
 
 
-class Steps(Stimulus):
+class Steps(StimulusTable):
     """`initial`, and from each of `times` on the level that belongs to it."""
 
     kind: Literal["steps"]
@@ -193,7 +193,7 @@ class Steps(Stimulus):
         return waveforms.steps(time, self.times, levels, initial)
 
 
-class Ramps(Stimulus):
+class Ramps(StimulusTable):
     """Straight lines from level to level, constant before the first of `times` and after the last."""
 
     kind: Literal["ramps"]
@@ -204,7 +204,7 @@ class Ramps(Stimulus):
         return waveforms.ramps(time, self.times, self._in(place.unit, "levels"))
 
 
-class Staircase(Stimulus):
+class Staircase(StimulusTable):
     """Loads ever one increment above the bias, up to the maximum, each for half a period; the bias in between."""
 
     kind: Literal["staircase"]
@@ -219,7 +219,7 @@ class Staircase(Stimulus):
         return waveforms.force_staircase(time, self.period, *levels)
 
 
-class FromFile(Stimulus):
+class FromFile(StimulusTable):
     """A column of a record, each sample held until the next; of the input's name unless `column` tells another."""
 
     kind: Literal["file"]
@@ -241,7 +241,7 @@ class FromFile(Stimulus):
         return held(record, place.name, time)
 
 
-class Gait(Stimulus):
+class Gait(StimulusTable):
     """Length change of an actuator of the foot in the stance phase (eqs. 5.13 to 5.16)."""
 
     kind: Literal["gait"]
@@ -252,7 +252,7 @@ class Gait(Stimulus):
 
 
 def _constant(given: Any) -> Any:
-    return given if isinstance(given, dict | Stimulus) else {"kind": "constant", "value": given}
+    return given if isinstance(given, dict | StimulusTable) else {"kind": "constant", "value": given}
 
 
 AnyStimulus = Annotated[
@@ -262,4 +262,4 @@ AnyStimulus = Annotated[
     ],
     BeforeValidator(_constant),
 ]
-KINDS: tuple[type[Stimulus], ...] = get_args(get_args(AnyStimulus)[0])
+KINDS: tuple[type[StimulusTable], ...] = get_args(get_args(AnyStimulus)[0])

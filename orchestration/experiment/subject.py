@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -52,7 +52,7 @@ class Subject:
     guids : Mapping of str to str
         GUID of every FMU.
     couplings : list of Mechanical
-        Those whose imbalance can be told.
+        Those whose imbalance can be computed.
     run : callable
         Takes communication points, inputs, parameters, names of outputs and progress.
     """
@@ -83,12 +83,12 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
     with tempfile.TemporaryDirectory(prefix="ppy-system-") as folder:
         try:
             if experiment.component is not None:
-                found = _component(experiment, experiment.component)
+                made_on = _component(experiment, experiment.component)
             else:
-                found = _system(experiment, str(experiment.system), Path(folder))
+                made_on = _system(experiment, str(experiment.system), Path(folder))
         except UserError as error:
             raise UserError(f"{where}: {error}") from error
-        yield found
+        yield made_on
 
 
 def _component(experiment: Experiment, name: str) -> Subject:
@@ -130,12 +130,8 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     def run(
         time: Array, inputs: Mapping[str, Array], settings: Mapping[str, float], record: Sequence[str], tell: Progress
     ) -> master.Run:
-        own: dict[str, dict[str, float]] = {member.name: {} for member in system.members}
-        for name, value in settings.items():
-            member, _, parameter = f"{prefix}{name}".partition(".")
-            own[member][parameter] = value
-        members = tuple(replace(member, parameters=own[member.name]) for member in system.members)
-        names, ready = [f"{prefix}{name}" for name in record], replace(system, members=members)
+        ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
+        names = [f"{prefix}{name}" for name in record]
         if how.method == "fused":
             return _fused(ready, time, inputs, names, tell)
         return master.run(ready, time, inputs, record=names, progress=tell, **how.model_dump(exclude_none=True))

@@ -34,7 +34,7 @@ class Archive:
     ----------
     path : Path
     names : list of str
-        Files in it, folders left out.
+        Files in it, without folders.
     description : xml.etree.ElementTree.Element
         Root of ``modelDescription.xml``.
     """
@@ -115,7 +115,7 @@ def read_description(path: Path) -> Any:
     """
     import fmpy
 
-    with Archive(path):  # the outer form only: `ppy check` is there for the rest
+    with Archive(path):  # the outer form only: `ppy check` judges what is in it
         pass
     try:
         description = fmpy.read_model_description(str(path), validate=False)

@@ -161,7 +161,7 @@ class Fmu:
         Returns
         -------
         callable
-            Returns the FMI status, which `failed` tells in words.
+            Returns the FMI status, which `failed` puts into words.
 
         Raises
         ------
@@ -169,10 +169,10 @@ class Fmu:
             If the FMU lacks the function.
         """
         try:
-            found = self._slave.dll[function]  # a new object each time, without types to convert to
+            bound = self._slave.dll[function]  # a new object each time, without types to convert to
         except AttributeError as error:
             raise UserError(f"{self.path.name}: its library lacks the function {function}") from error
-        return partial(found, ctypes.c_void_p(self._slave.component), *arguments)
+        return partial(bound, ctypes.c_void_p(self._slave.component), *arguments)
 
     def variable(self, name: str) -> Any:
         """Scalar variable of a name; UserError if there is none."""
@@ -303,7 +303,7 @@ class Fmu:
         return transfers(self._slave.dll, verb, names, {name: self.variable(name) for name in names})
 
     def failed(self, doing: str, status: int, remark: str = "") -> UserError:
-        """Tell what a status worse than a warning means; after `fatal` the instance is never called again.
+        """Say what a status worse than a warning means; after `fatal` the instance is never called again.
 
         Parameters
         ----------

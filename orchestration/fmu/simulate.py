@@ -83,7 +83,7 @@ def simulate(
     parameters : Mapping[str, float]
         Values that replace defaults, in the FMU's units; constant values of inputs too.
     progress : callable
-        Told the number of points done.
+        Called with the number of points done.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def simulate_instance(
     outputs : sequence of str, optional
         Which variables to read; default every output.
     progress : callable
-        Told the number of points done, now and then.
+        Called with the number of points done, now and then.
     linear : collection of str
         Real inputs that go linearly from point to point. An FMU that can interpolate gets their slopes, any other holds
         the value at the middle of every part, whose effect on its states differs in the second order only.

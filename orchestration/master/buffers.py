@@ -1,4 +1,4 @@
-"""Boards of values, and FMI calls that move values between a board and a member without copies in between."""
+"""Buffers of values, and FMI calls that move values between a buffer and a member without copies in between."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.signal import check_type, type_of
 from orchestration.system.model import Port
 
-Call = Callable[[], int]
+FmiCall = Callable[[], int]
 
 
-class Board:
+class Buffer:
     """Values of many ports in one piece of memory, of which FMUs are handed parts to read and to write.
 
     Parameters
@@ -28,7 +28,7 @@ class Board:
     Attributes
     ----------
     at : dict of Port to int
-        Place of each.
+        Index of each.
     cells : ctypes array of double
         The values; faster than `values` one by one.
     values : ndarray
@@ -41,18 +41,18 @@ class Board:
         self.values: NDArray[np.float64] = np.ctypeslib.as_array(self.cells)
 
 
-def bind(verb: str, fmu: Fmu, ports: Sequence[Port], board: Board) -> list[Call]:
+def bind(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> list[FmiCall]:
     """Prepare moving values of a member.
 
     Parameters
     ----------
     verb : {"Set", "Get"}
-        From the board, or to it.
+        From the buffer, or to it.
     fmu : Fmu
         The instance.
     ports : sequence of Port
         Variables of that member.
-    board : Board
+    buffer : Buffer
 
     Returns
     -------
@@ -62,7 +62,7 @@ def bind(verb: str, fmu: Fmu, ports: Sequence[Port], board: Board) -> list[Call]
     Raises
     ------
     UserError
-        If a variable does not exist or is text; when called, if a type cannot hold the value on the board.
+        If a variable does not exist or is text; when called, if a type cannot hold the value in the buffer.
     """
     kinds: dict[str, list[Port]] = {}
     for port in ports:
@@ -71,18 +71,18 @@ def bind(verb: str, fmu: Fmu, ports: Sequence[Port], board: Board) -> list[Call]
         kinds.setdefault(type_of(fmu.variables[port.variable]), []).append(port)
     if "string" in kinds:
         raise UserError(f"{kinds['string'][0]} is text, not a number")
-    calls: list[Call] = []
-    for run in _runs(sorted(board.at[port] for port in kinds.pop("real", []))):
-        names = list(board.at)[run[0] : run[-1] + 1]
-        values = ctypes.byref(board.cells, ctypes.sizeof(ctypes.c_double) * run[0])
+    calls: list[FmiCall] = []
+    for run in _runs(sorted(buffer.at[port] for port in kinds.pop("real", []))):
+        names = list(buffer.at)[run[0] : run[-1] + 1]
+        values = ctypes.byref(buffer.cells, ctypes.sizeof(ctypes.c_double) * run[0])
         calls.append(fmu.bound(f"fmi2{verb}Real", *_references(fmu, names), values))
     for kind, own in kinds.items():
-        buffer = (ctypes.c_int * len(own))()
-        call = fmu.bound(f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(buffer))
-        places = [board.at[port] for port in own]
-        calls.append(
-            _reading(call, buffer, places, board) if verb == "Get" else _writing(call, buffer, places, board, kind, own)
-        )
+        integers = (ctypes.c_int * len(own))()
+        call = fmu.bound(f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(integers))
+        if verb == "Get":
+            calls.append(_reading(call, integers, own, buffer))
+        else:
+            calls.append(_writing(call, integers, own, buffer, kind))
     return calls
 
 
@@ -99,12 +99,12 @@ def _runs(places: list[int]) -> list[list[int]]:
     return [places[a:b] for a, b in pairwise([0, *cuts, len(places)])]
 
 
-def _reading(call: Call, buffer: ctypes.Array[ctypes.c_int], places: list[int], board: Board) -> Call:
-    cells = board.cells
+def _reading(call: FmiCall, integers: ctypes.Array[ctypes.c_int], ports: list[Port], buffer: Buffer) -> FmiCall:
+    cells, places = buffer.cells, [buffer.at[port] for port in ports]
 
     def read() -> int:
         status = call()
-        for place, value in zip(places, buffer, strict=True):
+        for place, value in zip(places, integers, strict=True):
             cells[place] = value
         return status
 
@@ -112,14 +112,14 @@ def _reading(call: Call, buffer: ctypes.Array[ctypes.c_int], places: list[int], 
 
 
 def _writing(
-    call: Call, buffer: ctypes.Array[ctypes.c_int], places: list[int], board: Board, kind: str, ports: list[Port]
-) -> Call:
-    cells = board.cells
+    call: FmiCall, integers: ctypes.Array[ctypes.c_int], ports: list[Port], buffer: Buffer, kind: str
+) -> FmiCall:
+    cells, places = buffer.cells, [buffer.at[port] for port in ports]
 
     def write() -> int:
         for k, place in enumerate(places):
             check_type(kind, cells[place], str(ports[k]))
-            buffer[k] = int(cells[place])
+            integers[k] = int(cells[place])
         return call()
 
     return write

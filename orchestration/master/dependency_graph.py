@@ -115,8 +115,8 @@ def plan(structure: Structure, members: Collection[str]) -> Plan:
     feedthrough = {port: needed for port, needed in structure.feedthrough.items() if port.member in members}
     at_step_end: list[Port] = []
     while True:
-        found = _attempt(structure, members, feedthrough)
-        for loop in found.loops:
+        attempt = _attempt(structure, members, feedthrough)
+        for loop in attempt.loops:
             stuck = [port for port in loop.outputs if port.member in structure.stateless]
             given_up = [port for port in stuck if port in structure.assumed]
             if given_up:
@@ -129,12 +129,12 @@ def plan(structure: Structure, members: Collection[str]) -> Plan:
                     "that it cannot be solved; without feedthrough every output is taken as it stands after a step"
                 )
         else:
-            found.at_step_end = at_step_end
-            return found
+            attempt.at_step_end = at_step_end
+            return attempt
 
 
 def _attempt(structure: Structure, members: Collection[str], feedthrough: Mapping[Port, tuple[Port, ...]]) -> Plan:
-    found, sources, connected = Plan(), structure.sources, set(structure.sources.values())
+    ordered, sources, connected = Plan(), structure.sources, set(structure.sources.values())
     known: set[Port] = set()
     late: dict[str, list[Port]] = {}
     for member, wanted in structure.wanted.items():
@@ -142,17 +142,17 @@ def _attempt(structure: Structure, members: Collection[str], feedthrough: Mappin
             known.update(wanted)
             continue
         independent = [port for port in wanted if not feedthrough[port]]
-        if len(independent) < len(wanted):  # what nobody waits for is read with the rest, in one call
+        if len(independent) < len(wanted):  # what nobody waits for is read with the others, in one call
             independent = [port for port in independent if port in connected]
         late[member] = [port for port in wanted if port not in independent]
-        found.early[member] = tuple(independent)
+        ordered.early[member] = tuple(independent)
         known.update(independent)
     unset = {member: list(structure.fed[member]) for member in structure.wanted if member in members}
 
     def write(member: str) -> None:
         ports = tuple(port for port in unset[member] if port not in sources or sources[port] in known)
         if ports:
-            found.operations.append(Write(member, ports))
+            ordered.operations.append(Write(member, ports))
             unset[member] = [port for port in unset[member] if port not in ports]
 
     def waits_for(port: Port) -> list[Port]:
@@ -160,7 +160,7 @@ def _attempt(structure: Structure, members: Collection[str], feedthrough: Mappin
 
     def read(member: str, ports: Sequence[Port]) -> None:
         write(member)
-        found.operations.append(Read(member, tuple(ports)))
+        ordered.operations.append(Read(member, tuple(ports)))
         taken(ports)
 
     def taken(ports: Iterable[Port]) -> None:
@@ -176,35 +176,37 @@ def _attempt(structure: Structure, members: Collection[str], feedthrough: Mappin
             for member in whole or part[:1]:
                 read(member, ready[member])
             continue
-        outputs = _knot([port for ports in late.values() for port in ports if port in connected], waits_for)
+        outputs = _strongly_connected(
+            [port for ports in late.values() for port in ports if port in connected], waits_for
+        )
         for member in dict.fromkeys(port.member for port in outputs):
             write(member)
         closing = [i for port in outputs for i in feedthrough[port] if sources.get(i) in outputs]
         inputs = tuple(dict.fromkeys(closing))
-        found.operations.append(Loop(inputs, tuple(outputs)))
+        ordered.operations.append(Loop(inputs, tuple(outputs)))
         for port in inputs:
             unset[port.member].remove(port)
         taken(outputs)
     for member in unset:
         write(member)
-    return found
+    return ordered
 
 
-def _knot(nodes: Collection[Node], before: Callable[[Node], Iterable[Node]]) -> list[Node]:
+def _strongly_connected(nodes: Collection[Node], before: Callable[[Node], Iterable[Node]]) -> list[Node]:
     """Nodes, of which each waits for some of them, that wait for each other and for nothing else.
 
     Where every node waits, the smallest set of all that one waits for, directly or not, is strongly connected.
     """
 
     def all_before(node: Node) -> dict[Node, None]:
-        found: dict[Node, None] = {}
+        predecessors: dict[Node, None] = {}
         open_ends = [node]
         while open_ends:
             for other in before(open_ends.pop()):
-                if other not in found:
-                    found[other] = None
+                if other not in predecessors:
+                    predecessors[other] = None
                     open_ends.append(other)
-        return found
+        return predecessors
 
     smallest = min((all_before(node) for node in nodes), key=len)
     return [node for node in nodes if node in smallest]
@@ -216,23 +218,23 @@ def order(structure: Structure) -> list[str]:
     Who feeds another comes first. Where they feed each other in a circle, next is one that is fed by a member that has
     stepped; among equals, the one that the system names first.
     """
-    left, result = list(structure.wanted), list[str]()
+    waiting, result = list(structure.wanted), list[str]()
     feeding = {
         member: {structure.sources[port].member for port in ports if port in structure.sources}
         for member, ports in structure.fed.items()
     }
 
     def before(member: str) -> list[str]:
-        return [other for other in left if other in feeding[member]]
+        return [other for other in waiting if other in feeding[member]]
 
     def unfed(member: str) -> bool:
         return feeding[member].isdisjoint(result)
 
-    while left:
-        free = next((member for member in left if not before(member)), None)
-        chosen = free if free is not None else min(_knot(left, before), key=unfed)
+    while waiting:
+        free = next((member for member in waiting if not before(member)), None)
+        chosen = free if free is not None else min(_strongly_connected(waiting, before), key=unfed)
         result.append(chosen)
-        left.remove(chosen)
+        waiting.remove(chosen)
     return result
 
 

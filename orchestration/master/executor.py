@@ -13,71 +13,74 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration.fmu.signal import type_of
 from orchestration.master.algebraic_loops import FixedPoint
-from orchestration.master.buffers import Board, Call, bind
+from orchestration.master.buffers import Buffer, FmiCall, bind
 from orchestration.master.dependency_graph import Loop, Read, Structure, describe, order, plan
-from orchestration.master.instances import STEP, Clock, Instance, Memory, listed
-from orchestration.master.schedule import Action, Program, Settings, Station
-from orchestration.master.stepping import Move, Past, Wire
+from orchestration.master.instances import STEP, Clock, Instance, SavedState, listed
+from orchestration.master.schedule import ExchangeStage, MemberCall, Schedule, Settings
+from orchestration.master.stepping import BufferedConnection, MemberStep, StepHistory
 from orchestration.system.model import Connection, Port
 
 Array = NDArray[np.float64]
 
 
-class Machine:
+class Executor:
     """Steps the members of a system and lets them exchange values.
 
     Parameters
     ----------
     members : sequence of Instance
     structure : Structure
-        Everything that is fed and wanted.
+        Everything that is fed and read.
     connections : sequence of Connection
-    columns : Mapping of Port to list of float
+    external : Mapping of Port to list of float
         Values from outside at all communication points.
     settings : Settings
     clock : Clock
 
     Attributes
     ----------
-    board, feed : Board
-        Outputs and inputs of all members.
+    outputs, inputs : Buffer
+        Of all members.
     seconds : list of float
         Time spent in the steps of each member.
     loops : list of tuple
         Each algebraic loop, and what solves it.
-    memories : list of Memory
-        Saved states: of loops, and of steps that can be taken back.
+    saved_states : list of SavedState
+        Of loops, and of steps that can be taken back.
+    complete : Schedule
+        In which all members take part.
     """
 
     def __init__(
         self, members: Sequence[Instance], structure: Structure, connections: Sequence[Connection],
-        columns: Mapping[Port, list[float]], settings: Settings, clock: Clock,
+        external: Mapping[Port, list[float]], settings: Settings, clock: Clock,
     ):  # fmt: skip
         self.members, self.structure, self.settings, self.clock = members, structure, settings, clock
         self._by_name = {member.name: member for member in members}
-        self._columns = columns
+        self._external = external
         names = [member.name for member in members]
-        self._everyone = plan(structure, names)
+        self._complete_plan = plan(structure, names)
         self.order = order(structure)
-        self.board, self.feed = self._boards()
-        for port, place in self.feed.at.items():
-            self.feed.cells[place] = self._by_name[port.member].start(port.variable)
-        self.wires = {
-            c.target: Wire(self.feed.at[c.target], self.board.at[c.source], c.factor, c.offset) for c in connections
+        self.outputs, self.inputs = self._buffers()
+        for port, place in self.inputs.at.items():
+            self.inputs.cells[place] = self._by_name[port.member].start(port.variable)
+        self._connections = {
+            c.target: BufferedConnection(self.inputs.at[c.target], self.outputs.at[c.source], c.factor, c.offset)
+            for c in connections
         }
         self.slow = {name: 1 / rate for name, rate in settings.rates.items() if rate < 1}
         self.loops: list[tuple[Loop, FixedPoint]] = []
-        self.memories: list[Memory] = []
+        self.saved_states: list[SavedState] = []
         self.seconds = [0.0] * len(members)
-        self._pasts: dict[str, Past] = {}
-        self._programs: dict[frozenset[str], Program] = {}
-        self.everyone = self.program(frozenset(names))
+        self._histories: dict[str, StepHistory] = {}
+        self._schedules: dict[frozenset[str], Schedule] = {}
+        self.complete = self.schedule(frozenset(names))
 
-    def _boards(self) -> tuple[Board, Board]:
-        """Places such that what is moved in one call stands together."""
-        outputs = {name: list(self._everyone.early[name]) for name in self._by_name}
+    def _buffers(self) -> tuple[Buffer, Buffer]:
+        """Buffers in which what is moved in one call stands together."""
+        outputs = {name: list(self._complete_plan.early[name]) for name in self._by_name}
         inputs: dict[str, list[Port]] = {name: [] for name in self._by_name}
-        for operation in self._everyone.operations:
+        for operation in self._complete_plan.operations:
             if isinstance(operation, Loop):
                 read, written = operation.outputs, operation.inputs
             else:
@@ -86,7 +89,7 @@ class Machine:
                 outputs[port.member].append(port)
             for port in written:
                 inputs[port.member].append(port)
-        return Board(chain(*outputs.values())), Board(chain(*inputs.values()))
+        return Buffer(chain(*outputs.values())), Buffer(chain(*inputs.values()))
 
     # --- preparation ------------------------------------------------------------------------------------------------
 
@@ -98,57 +101,57 @@ class Machine:
 
     def changes(self, points: int) -> list[bool]:
         """For each communication point whether a value from outside differs from that before."""
-        rows = np.array(list(self._columns.values()))
+        rows = np.array(list(self._external.values()))
         return [True, *(np.diff(rows) != 0.0).any(axis=0).tolist()] if rows.size else [False] * points
 
-    def program(self, due: frozenset[str]) -> Program:
+    def schedule(self, due: frozenset[str]) -> Schedule:
         """What to do when these members take part."""
-        if due not in self._programs:
-            self._programs[due] = self._program(due)
-        return self._programs[due]
+        if due not in self._schedules:
+            self._schedules[due] = self._make_schedule(due)
+        return self._schedules[due]
 
-    def _program(self, due: frozenset[str]) -> Program:
-        found = self._everyone if len(due) == len(self.members) else plan(self.structure, due)
-        program = Program(found, [], [], [])
+    def _make_schedule(self, due: frozenset[str]) -> Schedule:
+        order_of_exchange = self._complete_plan if len(due) == len(self.members) else plan(self.structure, due)
+        schedule = Schedule(order_of_exchange, [], [], [])
         stepped: set[str] = set()
         for name in [name for name in self.order if name in due]:
-            self._add_step(program, self._by_name[name], stepped)
+            self._add_step(schedule, self._by_name[name], stepped)
             stepped.add(name)
-        for operation in found.operations:
+        for operation in order_of_exchange.operations:
             if isinstance(operation, Loop):
-                self._add_loop(program, operation)
+                self._add_loop(schedule, operation)
                 continue
             member = self._by_name[operation.member]
             if not isinstance(operation, Read):
-                program.stations.append(self._station(operation.ports))
-            elif not program.stations:
-                program.stations.append(self._station(()))
+                schedule.stages.append(self._stage(operation.ports))
+            elif not schedule.stages:
+                schedule.stages.append(self._stage(()))
             verb = "Get" if isinstance(operation, Read) else "Set"
-            program.stations[-1].actions.extend(self._moving(verb, member, operation.ports))
-        return program
+            schedule.stages[-1].calls.extend(self._moving(verb, member, operation.ports))
+        return schedule
 
-    def _moving(self, verb: str, member: Instance, ports: Sequence[Port]) -> list[Action]:
+    def _moving(self, verb: str, member: Instance, ports: Sequence[Port]) -> list[MemberCall]:
         doing = ("setting " if verb == "Set" else "reading ") + listed(ports)
-        board = self.feed if verb == "Set" else self.board
-        return [Action(call, member, doing) for call in bind(verb, member.fmu, ports, board)]
+        buffer = self.inputs if verb == "Set" else self.outputs
+        return [MemberCall(call, member, doing) for call in bind(verb, member.fmu, ports, buffer)]
 
-    def _station(self, ports: Sequence[Port]) -> Station:
-        wires = [self.wires[port] for port in ports if port in self.wires]
-        return Station(
-            [(w.target, w.source) for w in wires if (w.factor, w.offset) == (1.0, 0.0)],
-            [w for w in wires if (w.factor, w.offset) != (1.0, 0.0)],
-            [(self.feed.at[port], self._columns[port]) for port in ports if port in self._columns],
+    def _stage(self, ports: Sequence[Port]) -> ExchangeStage:
+        connections = [self._connections[port] for port in ports if port in self._connections]
+        return ExchangeStage(
+            [(c.target, c.source) for c in connections if (c.factor, c.offset) == (1.0, 0.0)],
+            [c for c in connections if (c.factor, c.offset) != (1.0, 0.0)],
+            [(self.inputs.at[port], self._external[port]) for port in ports if port in self._external],
             [],
         )
 
-    def _add_step(self, program: Program, member: Instance, stepped: set[str]) -> None:
-        settings, actions = self.settings, list[Action]()
-        connected = [port for port in self.structure.fed[member.name] if port in self.wires]
-        fresh = [port for port in connected if settings.sequential and self.structure.sources[port].member in stepped]
+    def _add_step(self, schedule: Schedule, member: Instance, stepped: set[str]) -> None:
+        settings, calls = self.settings, list[MemberCall]()
+        connected = [port for port in self.structure.fed[member.name] if port in self._connections]
+        updated = [port for port in connected if settings.sequential and self.structure.sources[port].member in stepped]
         real = [port for port in connected if type_of(member.fmu.variables[port.variable]) == "real"]
         linear = real if settings.extrapolation else []
         parts = max(1, int(settings.rates.get(member.name, 1)))
-        early = program.plan.early[member.name]
+        early = schedule.plan.early[member.name]
         reads = list(early)
         if settings.sequential:  # those who step later use outputs that depend on inputs too
             following = set(self.order) - stepped - {member.name}
@@ -156,57 +159,56 @@ class Machine:
                 self.structure.sources[port]
                 for name in following
                 for port in self.structure.fed[name]
-                if port in self.wires
+                if port in self._connections
             }
             reads = [port for port in self.structure.wanted[member.name] if port in early or port in used]
         slow = member.name in self.slow
-        if abrupt := [port for port in fresh if port not in linear]:
-            actions.append(Action(self._refresh(member, abrupt), member, STEP))
+        if held := [port for port in updated if port not in linear]:
+            calls.append(MemberCall(self._refresh(member, held), member, STEP))
         if linear or parts > 1 or slow:
-            gliding = [self.wires[port] for port in fresh if port in linear]
-            settle = not settings.feedthrough or len(reads) > len(early)
-            past = self._pasts.setdefault(member.name, Past(self.clock.start, [0.0] * len(linear)))
-            move = Move(
-                member, self.clock, self.feed, self.board, linear, gliding,
-                parts, slow, settle, settings.adaptive, past,
+            to_new_value = [self._connections[port] for port in updated if port in linear]
+            set_at_end = not settings.feedthrough or len(reads) > len(early)
+            history = self._histories.setdefault(member.name, StepHistory(self.clock.start, [0.0] * len(linear)))
+            step = MemberStep(
+                member, self.clock, self.inputs, self.outputs, linear, to_new_value,
+                parts, slow, set_at_end, settings.adaptive, history,
             )  # fmt: skip
-            actions.append(Action(move, member, STEP))
+            calls.append(MemberCall(step, member, STEP))
             if linear or slow:
-                program.moves.append(move)
+                schedule.extrapolating.append(step)
         else:
-            step = member.stepper(self.clock.now, self.clock.size, settings.adaptive)
-            actions.append(Action(step, member, STEP))
-        program.steps.append((self.members.index(member), actions + self._moving("Get", member, reads)))
+            plain_step = member.stepper(self.clock.now, self.clock.size, settings.adaptive)
+            calls.append(MemberCall(plain_step, member, STEP))
+        schedule.steps.append((self.members.index(member), calls + self._moving("Get", member, reads)))
 
-    def _refresh(self, member: Instance, ports: Sequence[Port]) -> Call:
+    def _refresh(self, member: Instance, ports: Sequence[Port]) -> FmiCall:
         """Give a member, before its step, what others have delivered by theirs."""
-        station = self._station(ports)
-        station.actions.extend(self._moving("Set", member, ports))
+        stage = self._stage(ports)
+        stage.calls.extend(self._moving("Set", member, ports))
 
         def refresh() -> int:
-            self.exchange([station], 0)
+            self.exchange([stage], 0)
             return 0
 
         return refresh
 
-    def _add_loop(self, program: Program, loop: Loop) -> None:
-        feed, board = self.feed, self.board
-        targets = np.array([feed.at[port] for port in loop.inputs])
-        wires = [self.wires[port] for port in loop.inputs]
-        sources = np.array([wire.source for wire in wires])
-        factors, offsets = np.array([wire.factor for wire in wires]), np.array([wire.offset for wire in wires])
+    def _add_loop(self, schedule: Schedule, loop: Loop) -> None:
+        inputs, outputs = self.inputs, self.outputs
+        closing = [self._connections[port] for port in loop.inputs]
+        targets, sources = np.array([c.target for c in closing]), np.array([c.source for c in closing])
+        factors, offsets = np.array([c.factor for c in closing]), np.array([c.offset for c in closing])
         members = [m for m in self.members if any(port.member == m.name for port in loop.outputs)]
-        actions = []
+        calls = []
         for verb, ports in (("Set", loop.inputs), ("Get", loop.outputs)):
             for member in members:
-                actions += self._moving(verb, member, [port for port in ports if port.member == member.name])
-        memory = Memory(members, self.clock)
+                calls += self._moving(verb, member, [port for port in ports if port.member == member.name])
+        saved = SavedState(members, self.clock)
 
         def around(v: Array) -> Array:
-            memory.restore()
-            feed.values[targets] = v
-            self._act(actions)
-            returned: Array = factors * board.values[sources] + offsets
+            saved.restore()
+            inputs.values[targets] = v
+            self._carry_out(calls)
+            returned: Array = factors * outputs.values[sources] + offsets
             return returned
 
         kinds = {type_of(self._by_name[port.member].fmu.variables[port.variable]) for port in loop.inputs}
@@ -214,20 +216,20 @@ class Machine:
         fixed_point = FixedPoint(around, nominal, kinds == {"real"})
 
         def solve() -> int:
-            memory.save()
+            saved.save()
             try:
-                fixed_point.solve(feed.values[targets])
+                fixed_point.solve(inputs.values[targets])
             except UserError as error:
                 raise UserError(f"{describe(loop)}, at {self.clock.end:.10g} s: {error}") from error
             return 0
 
-        program.stations.append(Station([], [], [], [Action(solve, members[0], "solving")]))
+        schedule.stages.append(ExchangeStage([], [], [], [MemberCall(solve, members[0], "solving")]))
         self.loops.append((loop, fixed_point))
-        self.memories.append(memory)
+        self.saved_states.append(saved)
 
     # --- at work ----------------------------------------------------------------------------------------------------
 
-    def step(self, program: Program, start: float, end: float) -> None:
+    def step(self, schedule: Schedule, start: float, end: float) -> None:
         """Take the members over a step; what does not need the inputs at its end is read.
 
         Raises
@@ -237,22 +239,22 @@ class Machine:
         """
         self.clock.set(start, end)
         seconds = self.seconds
-        program.count += 1
+        schedule.count += 1
         then = perf_counter()
-        for number, actions in program.steps:
-            for call, member, doing in actions:
+        for number, calls in schedule.steps:
+            for call, member, doing in calls:
                 status = call()
                 if status:
-                    member.judge(status, doing, self.clock)
+                    member.check_status(status, doing, self.clock)
             now = perf_counter()
             seconds[number] += now - then
             then = now
 
     def read_early(self) -> None:
         """Read what needs no inputs, as after a step."""
-        self._act([action for _, actions in self.everyone.steps for action in actions if action.doing != STEP])
+        self._carry_out([call for _, calls in self.complete.steps for call in calls if call.doing != STEP])
 
-    def exchange(self, stations: Sequence[Station], k: int) -> None:
+    def exchange(self, stages: Sequence[ExchangeStage], k: int) -> None:
         """Set inputs and read outputs, with the values from outside of communication point `k`.
 
         Raises
@@ -260,42 +262,42 @@ class Machine:
         UserError
             If a member fails, gives something that is no number to another, or a loop cannot be solved.
         """
-        feed, board = self.feed.cells, self.board.cells
-        for copies, wires, columns, actions in stations:
+        inputs, outputs = self.inputs.cells, self.outputs.cells
+        for copies, scaled, external, calls in stages:
             for target, source in copies:
-                value = board[source]
+                value = outputs[source]
                 if value - value:  # not a number, or infinite
                     self._not_finite(source)
-                feed[target] = value
-            for target, source, factor, offset in wires:
-                value = factor * board[source] + offset
+                inputs[target] = value
+            for target, source, factor, offset in scaled:
+                value = factor * outputs[source] + offset
                 if value - value:
                     self._not_finite(source)
-                feed[target] = value
-            for target, column in columns:
-                feed[target] = column[k]
-            for call, member, doing in actions:
+                inputs[target] = value
+            for target, column in external:
+                inputs[target] = column[k]
+            for call, member, doing in calls:
                 status = call()
                 if status:
-                    member.judge(status, doing, self.clock)
+                    member.check_status(status, doing, self.clock)
 
-    def learn(self, program: Program) -> None:
-        """Let those who extrapolate see where their inputs went."""
-        for move in program.moves:
-            move.learn()
+    def update_slopes(self, schedule: Schedule) -> None:
+        """Let those that extrapolate see where their inputs went."""
+        for step in schedule.extrapolating:
+            step.update_slopes()
 
-    def _act(self, actions: Sequence[Action]) -> None:
-        for call, member, doing in actions:
+    def _carry_out(self, calls: Sequence[MemberCall]) -> None:
+        for call, member, doing in calls:
             if status := call():
-                member.judge(status, doing, self.clock)
+                member.check_status(status, doing, self.clock)
 
     def _not_finite(self, place: int) -> NoReturn:
-        port, value = list(self.board.at)[place], self.board.cells[place]
+        port, value = list(self.outputs.at)[place], self.outputs.cells[place]
         raise UserError(f"{port.member}: its output {port.variable} is {value:g} at {self.clock.end:.10g} s")
 
     # --- afterwards -------------------------------------------------------------------------------------------------
 
     def steps_of(self, member: Instance) -> int:
         """How many steps a member made."""
-        made = sum(program.count for due, program in self._programs.items() if member.name in due)
+        made = sum(schedule.count for due, schedule in self._schedules.items() if member.name in due)
         return made * max(1, int(self.settings.rates.get(member.name, 1)))

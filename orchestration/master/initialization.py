@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
-from orchestration.master.executor import Machine
+from orchestration.master.executor import Executor
 from orchestration.master.instances import Instance
 
 
@@ -24,7 +24,7 @@ def enter(members: Sequence[Instance], start: float, stop: float) -> None:
         _named(member, lambda fmu: fmu.enter_initialization(start, stop))
 
 
-def initialize(machine: Machine) -> list[str]:
+def initialize(executor: Executor) -> list[str]:
     """Pass start values on until they no longer change, and end the initialization; what should be known of it.
 
     Raises
@@ -33,31 +33,31 @@ def initialize(machine: Machine) -> list[str]:
         If a member refuses.
     """
     notes = []
-    for _ in range(len(machine.members) + 2):
-        before = machine.feed.values.copy()
-        _propagate(machine)
-        settled = np.isclose(before, machine.feed.values, rtol=1e-9, atol=1e-12)
+    for _ in range(len(executor.members) + 2):
+        before = executor.inputs.values.copy()
+        _propagate(executor)
+        settled = np.isclose(before, executor.inputs.values, rtol=1e-9, atol=1e-12)
         if settled.all():
             break
     else:
-        moving = ", ".join(str(port) for port, i in machine.feed.at.items() if not settled[i])
-        notes.append(f"start values depend on each other in a circle and do not settle: {moving}")
-    _leave(machine)
-    machine.read_early()
+        unsettled = ", ".join(str(port) for port, i in executor.inputs.at.items() if not settled[i])
+        notes.append(f"start values depend on each other in a circle and do not settle: {unsettled}")
+    _leave(executor)
+    executor.read_early()
     return notes
 
 
-def _propagate(machine: Machine) -> None:
+def _propagate(executor: Executor) -> None:
     try:
-        machine.read_early()
-        machine.exchange(machine.everyone.stations, 0)
+        executor.read_early()
+        executor.exchange(executor.complete.stages, 0)
     except UserError:
-        _leave(machine)  # parameters are judged at the end, and bad ones are the likelier reason
+        _leave(executor)  # parameters are judged at the end, and bad ones are the likelier reason
         raise
 
 
-def _leave(machine: Machine) -> None:
-    for member in machine.members:
+def _leave(executor: Executor) -> None:
+    for member in executor.members:
         _named(member, lambda fmu: fmu.exit_initialization())
 
 

@@ -1,4 +1,4 @@
-"""A member at work: its instance, what is known of its structure, and its failures in words."""
+"""Members while a system runs: the instance of each, what its FMU says of its structure, its failures in words."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fmpy.fmi2 import fmi2Discard, fmi2DoStepStatus, fmi2LastSuccessfulTime, fmi
 from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.signal import read_signal
-from orchestration.master.buffers import Call
+from orchestration.master.buffers import FmiCall
 from orchestration.system.model import Port
 
 STEP = "step"  # what a member is asked to do, where that is a step
@@ -57,20 +57,20 @@ class Instance:
 
     def is_continuous(self, variable: str) -> bool:
         """Whether it is an output that changes continuously."""
-        found = self.fmu.variables[variable]
-        return found.causality == "output" and found.type == "Real" and found.variability in (None, "continuous")
+        scalar = self.fmu.variables[variable]
+        return scalar.causality == "output" and scalar.type == "Real" and scalar.variability in (None, "continuous")
 
     def nominal(self, variable: str) -> float:
         """Nominal value of a variable; 1 if it has none."""
-        found = self.fmu.variables[variable]
-        text = getattr(found, "nominal", None) or getattr(found.declaredType, "nominal", None)
+        scalar = self.fmu.variables[variable]
+        text = getattr(scalar, "nominal", None) or getattr(scalar.declaredType, "nominal", None)
         return abs(float(text)) or 1.0 if text else 1.0
 
     def start(self, variable: str) -> float:
         """Start value of an input as set, or as the FMU declares it."""
         return float(self.fmu.parameters.get(variable, read_signal(self.fmu.variables[variable]).start))
 
-    def stepper(self, now: ctypes.c_double, size: ctypes.c_double, may_go_back: bool) -> Call:
+    def stepper(self, now: ctypes.c_double, size: ctypes.c_double, may_go_back: bool) -> FmiCall:
         """Bind the step to its beginning and its size; a step that is pending is waited for."""
         step = self.fmu.bound("fmi2DoStep", now, size, ctypes.c_int(not may_go_back))
         if not self._asynchronous:
@@ -88,7 +88,7 @@ class Instance:
 
         return step_and_wait
 
-    def judge(self, status: int, doing: str, clock: Clock) -> None:
+    def check_status(self, status: int, doing: str, clock: Clock) -> None:
         """Count a warning; raise on anything worse.
 
         Raises
@@ -103,10 +103,10 @@ class Instance:
         doing = (
             f"step from {clock.start:.10g} s to {clock.end:.10g} s" if stepping else f"{doing} at {clock.end:.10g} s"
         )
-        remark = self._excuse() if stepping and status == fmi2Discard else ""
+        remark = self._about_discard() if stepping and status == fmi2Discard else ""
         raise UserError(f"{self.name}: {self.fmu.failed(doing, status, remark)}")
 
-    def _excuse(self) -> str:
+    def _about_discard(self) -> str:
         """How far a discarded step got, and whether the FMU asks for the end."""
         reached, ended = self.last_time(), ctypes.c_int()
         ask = self.fmu.bound("fmi2GetBooleanStatus", ctypes.c_int(fmi2Terminated), ctypes.byref(ended))
@@ -123,15 +123,15 @@ class Instance:
     def terminate(self, clock: Clock) -> None:
         """End the simulation properly."""
         if status := self.fmu.bound("fmi2Terminate")():
-            self.judge(status, "termination", clock)
+            self.check_status(status, "termination", clock)
 
 
-class Memory:
+class SavedState:
     """States of several members, to go back to any number of times."""
 
     def __init__(self, members: Sequence[Instance], clock: Clock):
         self._clock = clock
-        self._calls: list[tuple[Instance, Call, Call, Call]] = []
+        self._calls: list[tuple[Instance, FmiCall, FmiCall, FmiCall]] = []
         self._states: list[ctypes.c_void_p] = []
         for member in members:
             state = ctypes.c_void_p()
@@ -145,19 +145,19 @@ class Memory:
         """Keep the states as they are now; UserError if a member refuses."""
         for member, save, _, _ in self._calls:
             if status := save():
-                member.judge(status, "saving the state", self._clock)
+                member.check_status(status, "saving the state", self._clock)
 
     def restore(self) -> None:
         """Go back to what was saved last; UserError if a member refuses."""
         for member, _, restore, _ in self._calls:
             if status := restore():
-                member.judge(status, "restoring the state", self._clock)
+                member.check_status(status, "restoring the state", self._clock)
 
     def free(self) -> None:
-        """Release the memory; UserError if a member refuses."""
+        """Release what is saved; UserError if a member refuses."""
         for member, _, _, free in self._calls:
             if status := free():
-                member.judge(status, "releasing a state", self._clock)
+                member.check_status(status, "releasing a state", self._clock)
 
     def release(self) -> None:
         """Release what there still is of it, of members that may be called, whatever they answer."""

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Spent:
+class MemberStatistics:
     """What a component took.
 
     Attributes
@@ -37,7 +37,7 @@ class Statistics:
 
     Attributes
     ----------
-    components : dict of str to Spent
+    components : dict of str to MemberStatistics
     steps : int
         Steps of the system that count.
     rollbacks : int
@@ -48,7 +48,7 @@ class Statistics:
         Seconds for steps and exchanges, without opening and initialization.
     """
 
-    components: dict[str, Spent]
+    components: dict[str, MemberStatistics]
     steps: int
     rollbacks: int
     evaluations: int

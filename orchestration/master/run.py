@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration.fmu.signal import read_signal
 from orchestration.master.dependency_graph import describe
-from orchestration.master.executor import Machine
+from orchestration.master.executor import Executor
 from orchestration.master.initialization import enter, initialize
-from orchestration.master.instances import Clock, Memory
+from orchestration.master.instances import Clock, SavedState
 from orchestration.master.interrupt import Interrupt, deferred
-from orchestration.master.result import Run, Spent, Statistics, Stopped
+from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
 from orchestration.master.schedule import Settings
-from orchestration.master.setup import check_abilities, columns, open_members, structure
-from orchestration.master.step_control import Adaptive
+from orchestration.master.setup import check_abilities, external_values, open_members, structure
+from orchestration.master.step_control import StepDoubling
 from orchestration.system.check import check
 from orchestration.system.model import Port, System
 
@@ -70,7 +70,7 @@ def run(
     rates : Mapping of str to float
         Steps that a member makes for each step of the system: whole numbers, or 1/2, 1/3, ...
     progress : callable
-        Told the number of points done, now and then.
+        Called with the number of points done, now and then.
 
     Returns
     -------
@@ -94,35 +94,35 @@ def run(
         raise UserError(f"tolerance {tolerance!r}: must be a number between 0 and 1")
     fractions = {name: _rate(system.member(name).name, value) for name, value in (rates or {}).items()}
     settings = Settings(method == "gauss-seidel", extrapolation, feedthrough, tolerance is not None, fractions)
-    fed = columns(system, inputs or {}, len(points))
+    external = external_values(system, inputs or {}, len(points))
     with ExitStack() as opened:
         members = open_members(system, opened)
         check_abilities(members, points, settings)
-        who_feeds_whom, recorded = structure(system, members, list(fed), record, settings)
+        who_feeds_whom, recorded = structure(system, members, list(external), record, settings)
         clock = Clock()
         clock.set(points[0], points[0])
         enter(members, points[0], points[-1])
-        machine = Machine(members, who_feeds_whom, system.connections, fed, settings, clock)
-        opened.callback(_release, machine.memories)
-        notes = initialize(machine)
-        return _Runner(machine, points, recorded, tolerance, progress, notes).run()
+        executor = Executor(members, who_feeds_whom, system.connections, external, settings, clock)
+        opened.callback(_release, executor.saved_states)
+        notes = initialize(executor)
+        return _Runner(executor, points, recorded, tolerance, progress, notes).run()
 
 
 class _Runner:
-    """One run of a machine that is initialized."""
+    """One run of an executor that is initialized."""
 
     def __init__(
         self,
-        machine: Machine,
+        executor: Executor,
         points: list[float],
         recorded: list[Port],
         tolerance: float | None,
         progress: Callable[[int], None],
         notes: Sequence[str],
     ):
-        self._machine, self._points, self._recorded, self._progress = machine, points, recorded, progress
+        self._executor, self._points, self._recorded, self._progress = executor, points, recorded, progress
         self._of_initialization = notes
-        self._adaptive = None if tolerance is None else Adaptive(machine, tolerance)
+        self._doubling = None if tolerance is None else StepDoubling(executor, tolerance)
         self._rows = BytesIO()
         self._done = 0
         self._wall = 0.0
@@ -148,27 +148,27 @@ class _Runner:
         return self._result(message)
 
     def _advance(self, interrupt: Interrupt) -> None:
-        machine, points, linear = self._machine, self._points, self._machine.settings.extrapolation
+        executor, points, linear = self._executor, self._points, self._executor.settings.extrapolation
         last, every = len(points) - 1, max(1, len(points) // 200)
-        write, cells = self._rows.write, machine.board.cells
-        step, exchange, program = machine.step, machine.exchange, machine.everyone
-        changed = machine.changes(len(points)) if linear else []
-        exchange(program.stations, 0)
+        write, cells = self._rows.write, executor.outputs.cells
+        step, exchange, schedule = executor.step, executor.exchange, executor.complete
+        changed = executor.changes(len(points)) if linear else []
+        exchange(schedule.stages, 0)
         write(cells)
         self._done = 1
         for k in range(1, len(points)):
-            if machine.slow:
-                program = machine.program(machine.due(k, last))
-            if self._adaptive is not None:
-                if not self._adaptive.advance(points[k - 1], points[k], k - 1, interrupt):
+            if executor.slow:
+                schedule = executor.schedule(executor.due(k, last))
+            if self._doubling is not None:
+                if not self._doubling.advance(points[k - 1], points[k], k - 1, interrupt):
                     break
             else:
-                step(program, points[k - 1], points[k])
+                step(schedule, points[k - 1], points[k])
                 if linear:  # slopes are of what came before a jump of the values from outside
-                    exchange(program.stations, k - 1 if changed[k] else k)
-                    machine.learn(program)
-            if not linear or changed[k] or self._adaptive is not None:
-                exchange(program.stations, k)
+                    exchange(schedule.stages, k - 1 if changed[k] else k)
+                    executor.update_slopes(schedule)
+            if not linear or changed[k] or self._doubling is not None:
+                exchange(schedule.stages, k)
             write(cells)
             self._done = k + 1
             if k % every == 0:
@@ -185,20 +185,20 @@ class _Runner:
             If one has not, or does not.
         """
         last = self._points[-1]
-        for member in self._machine.members:
+        for member in self._executor.members:
             reached = member.last_time()
             if reached is not None and not abs(reached - last) <= 1e-9 * max(1.0, abs(last)):
                 raise UserError(f"{member.name}: says that it is at {reached:.10g} s at the end, {last:.10g} s")
-        for memory in self._machine.memories:
-            memory.free()
-        for member in self._machine.members:
-            member.terminate(self._machine.clock)
+        for saved in self._executor.saved_states:
+            saved.free()
+        for member in self._executor.members:
+            member.terminate(self._executor.clock)
         self._progress(len(self._points))
 
     def _result(self, message: str) -> Run:
-        machine, done, places = self._machine, self._done, self._machine.board.at
+        executor, done, places = self._executor, self._done, self._executor.outputs.at
         table = np.frombuffer(self._rows.getbuffer(), count=done * len(places)).reshape(done, len(places))
-        variables = {m.name: m.fmu.variables for m in machine.members}
+        variables = {m.name: m.fmu.variables for m in executor.members}
         return Run(
             np.array(self._points[:done]),
             {str(port): table[:, places[port]] for port in self._recorded},
@@ -206,43 +206,43 @@ class _Runner:
             not message,
             message,
             self._statistics(),
-            {m.name: m.fmu.description.guid for m in machine.members},
+            {m.name: m.fmu.description.guid for m in executor.members},
             tuple(self._notes()),
         )
 
     def _statistics(self) -> Statistics:
-        machine, adaptive = self._machine, self._adaptive
-        spent = {
-            member.name: Spent(machine.steps_of(member), seconds, seconds / self._wall)
-            for member, seconds in zip(machine.members, machine.seconds, strict=True)
+        executor, doubling = self._executor, self._doubling
+        components = {
+            member.name: MemberStatistics(executor.steps_of(member), seconds, seconds / self._wall)
+            for member, seconds in zip(executor.members, executor.seconds, strict=True)
         }
-        steps = max(0, self._done - 1) if adaptive is None else adaptive.steps
-        rollbacks = 0 if adaptive is None else adaptive.rollbacks
-        evaluations = sum(fixed_point.evaluations for _, fixed_point in machine.loops)
-        return Statistics(spent, steps, rollbacks, evaluations, self._wall)
+        steps = max(0, self._done - 1) if doubling is None else doubling.steps
+        rollbacks = 0 if doubling is None else doubling.rollbacks
+        evaluations = sum(fixed_point.evaluations for _, fixed_point in executor.loops)
+        return Statistics(components, steps, rollbacks, evaluations, self._wall)
 
     def _notes(self) -> Iterator[str]:
         yield from self._of_initialization
-        spent: dict[str, int] = {}
-        for loop, fixed_point in self._machine.loops:  # the same one again where members have rates of their own
-            spent[describe(loop)] = spent.get(describe(loop), 0) + fixed_point.evaluations
-        for name, evaluations in spent.items():
-            yield f"{name}: solved with {evaluations} evaluations"
-        for port in self._machine.everyone.plan.at_step_end:
+        evaluations: dict[str, int] = {}
+        for loop, fixed_point in self._executor.loops:  # the same one again where members have rates of their own
+            evaluations[describe(loop)] = evaluations.get(describe(loop), 0) + fixed_point.evaluations
+        for name, count in evaluations.items():
+            yield f"{name}: solved with {count} evaluations"
+        for port in self._executor.complete.plan.at_step_end:
             yield (
                 f"{port}: taken as it stands at the end of a step, for it closes a loop, its FMU does not say on which "
                 "inputs it depends, and cannot restore its state"
             )
-        for member in self._machine.members:
+        for member in self._executor.members:
             if member.fmu.warnings:
-                said = "; ".join(member.fmu.messages[-3:]) or "no message"
-                yield f"{member.name}: {member.fmu.warnings} calls ended with a warning ({said})"
+                messages = "; ".join(member.fmu.messages[-3:]) or "no message"
+                yield f"{member.name}: {member.fmu.warnings} calls ended with a warning ({messages})"
 
 
-def _release(memories: Sequence[Memory]) -> None:
+def _release(saved_states: Sequence[SavedState]) -> None:
     """Release states that are still saved, after a run that did not come to its end."""
-    for memory in memories:
-        memory.release()
+    for saved in saved_states:
+        saved.release()
 
 
 def _points(time: Array) -> list[float]:

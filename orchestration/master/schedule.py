@@ -7,27 +7,27 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
 
-from orchestration.master.buffers import Call
+from orchestration.master.buffers import FmiCall
 from orchestration.master.dependency_graph import Plan
 from orchestration.master.instances import Instance
-from orchestration.master.stepping import Move, Wire
+from orchestration.master.stepping import BufferedConnection, MemberStep
 
 
-class Action(NamedTuple):
+class MemberCall(NamedTuple):
     """A call to a member, and what to say of it if it fails."""
 
-    call: Call
+    call: FmiCall
     member: Instance
     doing: str
 
 
-class Station(NamedTuple):
-    """Values that are copied, and then the calls that need them."""
+class ExchangeStage(NamedTuple):
+    """Values that are copied to inputs, and then the calls that need them."""
 
-    copies: list[tuple[int, int]]  # place on the feed, place on the board
-    wires: list[Wire]  # the same with factor and offset
-    columns: list[tuple[int, list[float]]]  # place on the feed, values from outside at all points
-    actions: list[Action]
+    copies: list[tuple[int, int]]  # index of the input, index of the output
+    scaled: list[BufferedConnection]  # the same with factor and offset
+    external: list[tuple[int, list[float]]]  # index of the input, values from outside at all points
+    calls: list[MemberCall]
 
 
 @dataclass(frozen=True)
@@ -42,21 +42,24 @@ class Settings:
 
 
 @dataclass
-class Program:
+class Schedule:
     """What happens in a step and at its end, for those members that take part.
 
     Attributes
     ----------
+    plan : Plan
     steps : list of tuple
         Number of a member, and what it does to get to the next point.
-    stations : list of Station
+    stages : list of ExchangeStage
         The exchange of values at the communication point.
-    moves : list of Move
-        Those that extrapolate.
+    extrapolating : list of MemberStep
+        Those that follow the slopes of their inputs.
+    count : int
+        How often it was carried out.
     """
 
     plan: Plan
-    steps: list[tuple[int, list[Action]]]
-    stations: list[Station]
-    moves: list[Move]
+    steps: list[tuple[int, list[MemberCall]]]
+    stages: list[ExchangeStage]
+    extrapolating: list[MemberStep]
     count: int = 0

@@ -73,7 +73,7 @@ def check_abilities(members: Sequence[Instance], points: list[float], settings: 
             raise UserError(f"{member.name}: a rate below 1 does not go with a tolerance")
 
 
-def columns(system: System, inputs: Mapping[str, Array], points: int) -> dict[Port, list[float]]:
+def external_values(system: System, inputs: Mapping[str, Array], points: int) -> dict[Port, list[float]]:
     """Values from outside for each input of a member that receives some.
 
     Raises
@@ -82,7 +82,7 @@ def columns(system: System, inputs: Mapping[str, Array], points: int) -> dict[Po
         If a name is neither an input of the system nor of a member, an input is fed twice, or values do not fit.
     """
     connected = {connection.target: connection.source for connection in system.connections}
-    found: dict[Port, list[float]] = {}
+    values_of: dict[Port, list[float]] = {}
     for name, values in inputs.items():
         if name not in system.inputs and "." not in name:
             raise UserError(f"system {system.name}: no input named {name!r}{suggestion(name, system.inputs)}")
@@ -93,12 +93,12 @@ def columns(system: System, inputs: Mapping[str, Array], points: int) -> dict[Po
             k = int(np.argmin(np.isfinite(array)))
             raise UserError(f"input {name}: {array[k]:g} at point {k} is no finite number")
         for port in system.inputs.get(name) or (system.port(name),):
-            if port in found:
+            if port in values_of:
                 raise UserError(f"input {name}: {port} is fed by another input already")
             if port in connected:
                 raise UserError(f"input {name}: {port} is fed by {connected[port]} already")
-            found[port] = array.tolist()
-    return found
+            values_of[port] = array.tolist()
+    return values_of
 
 
 def structure(

@@ -8,42 +8,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.master.executor import Machine
-from orchestration.master.instances import Memory
+from orchestration.master.executor import Executor
+from orchestration.master.instances import SavedState
 from orchestration.master.interrupt import Interrupt
 
 Array = NDArray[np.float64]
 _SHORTEST = 1e-12  # of the time, or of a second
 
 
-class Bookmark:
-    """Where a machine is, to go back to any number of times: states, values on the boards, slopes."""
+class Checkpoint:
+    """Where an executor is, to go back to any number of times: states, values in the buffers, slopes."""
 
-    def __init__(self, machine: Machine):
-        self._boards = [machine.feed.values, machine.board.values]
-        self._values = [values.copy() for values in self._boards]
-        self._pasts = [move.past for move in machine.everyone.moves]
+    def __init__(self, executor: Executor):
+        self._buffers = [executor.inputs.values, executor.outputs.values]
+        self._values = [values.copy() for values in self._buffers]
+        self._histories = [step.history for step in executor.complete.extrapolating]
         self._slopes: list[list[float]] = []
-        self._memory = Memory(machine.members, machine.clock)
-        machine.memories.append(self._memory)
+        self._states = SavedState(executor.members, executor.clock)
+        executor.saved_states.append(self._states)
 
     def save(self) -> None:
         """Keep everything as it is now; UserError if a member refuses."""
-        self._memory.save()
-        for kept, values in zip(self._values, self._boards, strict=True):
+        self._states.save()
+        for kept, values in zip(self._values, self._buffers, strict=True):
             kept[:] = values
-        self._slopes = [past.slopes.copy() for past in self._pasts]
+        self._slopes = [history.slopes.copy() for history in self._histories]
 
     def restore(self) -> None:
         """Go back to what was saved last; UserError if a member refuses."""
-        self._memory.restore()
-        for kept, values in zip(self._values, self._boards, strict=True):
+        self._states.restore()
+        for kept, values in zip(self._values, self._buffers, strict=True):
             values[:] = kept
-        for past, slopes in zip(self._pasts, self._slopes, strict=True):
-            past.slopes[:] = slopes
+        for history, slopes in zip(self._histories, self._slopes, strict=True):
+            history.slopes[:] = slopes
 
 
-class Adaptive:
+class StepDoubling:
     """Goes from one communication point to the next in steps of its own.
 
     Every step is made at once and then, after going back, as two halves. The halves stay; the difference between the
@@ -51,7 +51,7 @@ class Adaptive:
 
     Parameters
     ----------
-    machine : Machine
+    executor : Executor
     tolerance : float
 
     Attributes
@@ -60,14 +60,14 @@ class Adaptive:
         Steps that stayed, each in two halves, and those that had to be repeated with a shorter one.
     """
 
-    def __init__(self, machine: Machine, tolerance: float):
-        self._machine, self._tolerance = machine, tolerance
-        self._bookmark = Bookmark(machine)
-        by_name = {member.name: member for member in machine.members}
-        self._ports = [p for p in machine.board.at if by_name[p.member].is_continuous(p.variable)]
-        self._places = [machine.board.at[port] for port in self._ports]
+    def __init__(self, executor: Executor, tolerance: float):
+        self._executor, self._tolerance = executor, tolerance
+        self._checkpoint = Checkpoint(executor)
+        by_name = {member.name: member for member in executor.members}
+        self._ports = [p for p in executor.outputs.at if by_name[p.member].is_continuous(p.variable)]
+        self._places = [executor.outputs.at[port] for port in self._ports]
         self._nominal = np.array([by_name[p.member].nominal(p.variable) for p in self._ports])
-        self._order = 1 + machine.settings.extrapolation
+        self._order = 1 + executor.settings.extrapolation
         self._hint = math.inf
         self.steps = self.rollbacks = 0
 
@@ -86,14 +86,14 @@ class Adaptive:
             size = min(self._hint, end - time)
             whole = size > 0.999 * (end - time)
             target = end if whole else time + size
-            self._bookmark.save()
+            self._checkpoint.save()
             self._step(time, target, k)
-            once = self._machine.board.values[self._places]
-            self._bookmark.restore()
+            once = self._executor.outputs.values[self._places]
+            self._checkpoint.restore()
             middle = time + 0.5 * (target - time)
             self._step(time, middle, k)
             self._step(middle, target, k)
-            twice = self._machine.board.values[self._places]
+            twice = self._executor.outputs.values[self._places]
             errors = self._errors(once, twice)
             error = float(np.max(errors, initial=0.0))
             factor = 5.0 if error == 0.0 else min(5.0, max(0.2, 0.9 * error ** (-1.0 / (self._order + 1))))
@@ -103,7 +103,7 @@ class Adaptive:
                     self._hint = size * factor
                 time = target
                 continue
-            self._bookmark.restore()
+            self._checkpoint.restore()
             self.rollbacks += 1
             self._hint = (target - time) * factor
             if self._hint < _SHORTEST * max(1.0, abs(time)):
@@ -123,7 +123,7 @@ class Adaptive:
         return errors
 
     def _step(self, start: float, end: float, k: int) -> None:
-        machine = self._machine
-        machine.step(machine.everyone, start, end)
-        machine.exchange(machine.everyone.stations, k)
-        machine.learn(machine.everyone)
+        executor = self._executor
+        executor.step(executor.complete, start, end)
+        executor.exchange(executor.complete.stages, k)
+        executor.update_slopes(executor.complete)

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from orchestration.master.buffers import Board, bind
+from orchestration.master.buffers import Buffer, bind
 from orchestration.master.instances import STEP, Clock, Instance
 from orchestration.system.model import Port
 
 _ORDER = 1  # of the input derivatives
 
 
-class Wire(NamedTuple):
-    """A connection between places on the boards."""
+class BufferedConnection(NamedTuple):
+    """A connection between places in the buffers."""
 
     target: int
     source: int
@@ -24,15 +24,15 @@ class Wire(NamedTuple):
 
 
 @dataclass
-class Past:
-    """What a member remembers from step to step: where it is, and the slopes of its linear inputs."""
+class StepHistory:
+    """What a member keeps from step to step: the time it has reached (s), and the slopes of its linear inputs."""
 
     time: float
     slopes: list[float]
 
 
 @dataclass
-class Move:
+class MemberStep:
     """Takes a member over a step in parts, or with inputs that change linearly in time.
 
     A linear input begins where it is and has the slope of the step before; one whose source has made the step already,
@@ -43,41 +43,41 @@ class Move:
     ----------
     member : Instance
     clock : Clock
-    feed, board : Board
-        Inputs and outputs of all members.
+    inputs, outputs : Buffer
+        Of all members.
     linear : sequence of Port
         Inputs that change linearly; none: all are held.
-    fresh : sequence of Wire
+    updated : sequence of BufferedConnection
         Connections to them whose source has made the step already.
     parts : int
-    lasting : bool
-        Whether the step begins where the member is, not where the others are.
-    settle : bool
+    resumes : bool
+        Whether the step begins where the member has got to, not where the others are.
+    set_at_end : bool
         Whether outputs that depend on inputs are read right after the step: they get the inputs at its end.
     may_go_back : bool
-    past : Past
+    history : StepHistory
         Of the member, whoever else takes part in a step.
     """
 
     member: Instance
     clock: Clock
-    feed: Board
-    board: Board
+    inputs: Buffer
+    outputs: Buffer
     linear: Sequence[Port]
-    fresh: Sequence[Wire]
+    updated: Sequence[BufferedConnection]
     parts: int
-    lasting: bool
-    settle: bool
+    resumes: bool
+    set_at_end: bool
     may_go_back: bool
-    past: Past
+    history: StepHistory
 
     def __post_init__(self) -> None:
         self._own = Clock()
         self._step = self.member.stepper(self._own.now, self._own.size, self.may_go_back)
-        self._places = [self.feed.at[port] for port in self.linear]
+        self._places = [self.inputs.at[port] for port in self.linear]
         index = {place: k for k, place in enumerate(self._places)}
-        self._arrived = [(index[wire.target], wire) for wire in self.fresh]
-        self._set_linear = bind("Set", self.member.fmu, self.linear, self.feed)
+        self._updated = [(index[connection.target], connection) for connection in self.updated]
+        self._set_linear = bind("Set", self.member.fmu, self.linear, self.inputs)
         self._derivatives = (ctypes.c_double * len(self.linear))()
         self._interpolates = self.member.can_interpolate and bool(self.linear)
         if self._interpolates:
@@ -92,14 +92,14 @@ class Move:
         self._span = 1.0
 
     def __call__(self) -> int:
-        """Make the step; what goes wrong is told with the member's own step, not the system's."""
-        clock, feed, board = self.clock, self.feed.cells, self.board.cells
-        start = self.past.time if self.lasting else clock.start
-        self.past.time = end = clock.end
+        """Make the step; errors name the member's own step, not the system's."""
+        clock, inputs, outputs = self.clock, self.inputs.cells, self.outputs.cells
+        start = self.history.time if self.resumes else clock.start
+        self.history.time = end = clock.end
         span = end - start
-        held, slopes = [feed[place] for place in self._places], self.past.slopes.copy()
-        for k, (_, source, factor, offset) in self._arrived:
-            slopes[k] = (factor * board[source] + offset - held[k]) / span
+        held, slopes = [inputs[place] for place in self._places], self.history.slopes.copy()
+        for k, (_, source, factor, offset) in self._updated:
+            slopes[k] = (factor * outputs[source] + offset - held[k]) / span
         self._held, self._span = held, span
         begin = start
         for part in range(1, self.parts + 1):
@@ -107,30 +107,30 @@ class Move:
             self._own.set(begin, until)
             if self._places:
                 at = begin - start if self._interpolates else 0.5 * (begin + until) - start
-                self._give(held, slopes, at)
+                self._set(held, slopes, at)
             if self._interpolates:
                 self._derivatives[:] = slopes  # type: ignore[assignment]
-                self._judge(self._set_slopes())
-            self._judge(self._step())
+                self._check(self._set_slopes())
+            self._check(self._step())
             begin = until
-        if self.settle and self._places:
-            self._give(held, slopes, span)
+        if self.set_at_end and self._places:
+            self._set(held, slopes, span)
         return 0
 
-    def _give(self, held: list[float], slopes: list[float], after: float) -> None:
-        feed = self.feed.cells
+    def _set(self, held: list[float], slopes: list[float], after: float) -> None:
+        inputs = self.inputs.cells
         for place, value, slope in zip(self._places, held, slopes, strict=True):
-            feed[place] = value + slope * after
+            inputs[place] = value + slope * after
         for call in self._set_linear:
-            self._judge(call())
+            self._check(call())
 
-    def _judge(self, status: int) -> None:
+    def _check(self, status: int) -> None:
         if status:
-            self.member.judge(status, STEP, self._own)
+            self.member.check_status(status, STEP, self._own)
 
-    def learn(self) -> None:
+    def update_slopes(self) -> None:
         """Take the slopes over the step just made, for the next one."""
-        feed, span = self.feed.cells, self._span
-        self.past.slopes[:] = [
-            (feed[place] - value) / span for place, value in zip(self._places, self._held, strict=True)
+        inputs, span = self.inputs.cells, self._span
+        self.history.slopes[:] = [
+            (inputs[place] - value) / span for place, value in zip(self._places, self._held, strict=True)
         ]

@@ -38,7 +38,7 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
     """Fill short holes of inputs, refuse long ones, and report the missing samples of outputs, in place.
 
     A simulation needs every input at every instant, so a hole is interpolated if it is short. An output is only
-    compared with; its missing samples stay NaN and the residual leaves them out.
+    compared with; its missing samples stay NaN and do not enter the residual.
 
     Parameters
     ----------

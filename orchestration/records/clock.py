@@ -64,7 +64,7 @@ def repair_clock(samples: Samples) -> None:
     Raises
     ------
     UserError
-        If the clock restarts or is set back, or fewer than two samples are left.
+        If the clock restarts or is set back, or fewer than two samples remain.
     """
     _drop_missing_time(samples)
     _require_two(samples)
@@ -144,7 +144,7 @@ def _average_duplicates(samples: Samples) -> None:
     """Replace the rows of one time by their mean, in place.
 
     The mean is the least-squares estimate of a quantity measured repeatedly at one instant; an ordered integrator can
-    use only one value there. Missing cells are left out of the mean.
+    use only one value there. Missing cells do not enter the mean.
     """
     time = samples.time
     first = np.concatenate(([True], np.diff(time) > 0))

@@ -64,12 +64,12 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
 
 def _find_column(table: Table, name: str, why: str) -> Column:
     """Find a column by its name, or by its whole header cell ``name [unit]``."""
-    found = [column for column in table.columns if name in (column.name, f"{column.name} [{column.unit}]")]
-    if len(found) > 1:
-        raise refuse(table.path, f"{len(found)} columns are called '{name}'; rename them")
-    if not found:
+    called = [column for column in table.columns if name in (column.name, f"{column.name} [{column.unit}]")]
+    if len(called) > 1:
+        raise refuse(table.path, f"{len(called)} columns are called '{name}'; rename them")
+    if not called:
         raise refuse(table.path, f"{why}: there is no column '{name}'{suggestion(name, table.names())}")
-    return found[0]
+    return called[0]
 
 
 def match_columns(
@@ -123,13 +123,13 @@ def match_columns(
         if free:
             matches[signal] = Match(free[0], signal, None)
             taken.append(free[0])
-    left = [column.name for column in table.columns if not any(column is other for other in taken)]
+    ignored = [column.name for column in table.columns if not any(column is other for other in taken)]
     for signal in required:
         if signal not in matches:
             raise refuse(
                 table.path,
                 f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the columns"
-                f"{suggestion(signal, left)}; to rename one: --map 'column={signal}'",
+                f"{suggestion(signal, ignored)}; to rename one: --map 'column={signal}'",
             )
     if len(matches) == 1:
         raise refuse(
@@ -137,9 +137,9 @@ def match_columns(
             f"none of the columns {', '.join(table.names())} is a signal of the model ({', '.join(signals)}); "
             "to rename one: --map 'column=signal'",
         )
-    if left:
+    if ignored:
         absent = [signal for signal in signals if signal not in matches]
-        hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in left]
+        hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in ignored]
         table.repairs.append(Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}"))
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
 

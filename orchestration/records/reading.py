@@ -28,7 +28,7 @@ def read_record(
     Parameters
     ----------
     path : str or Path
-        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; told apart by content.
+        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; its content decides which.
     signals : mapping of str to str
         The model's signals and the SI unit of each, as pint understands it: ``{"current": "A"}``.
     mapping : mapping of str to str, optional
@@ -73,12 +73,12 @@ def read_record(
 def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
     """Give a column's values in the model's unit."""
     column = match.column
-    found = match.unit or column.unit
-    if found is None:
-        found = unit
+    stated = match.unit or column.unit
+    if stated is None:
+        stated = unit
         message = f"column '{column.name}' states no unit: taken as {unit}, the unit of {match.signal}"
         table.repairs.append(Repair("unit assumed", message))
     elif match.unit is not None and column.unit is not None and match.unit != column.unit:
         message = f"column '{column.name}' [{column.unit}] read as {match.signal} in {match.unit}, as asked"
         table.repairs.append(Repair("unit replaced", message))
-    return convert(table.path, column.name, numbers(table, column), found, unit, match.signal)
+    return convert(table.path, column.name, numbers(table, column), stated, unit, match.signal)

@@ -83,9 +83,9 @@ def list_rows(rows: Iterable[int], limit: int = 5) -> str:
     numbers = list(rows)
     if len(numbers) == 1:
         return f"row {numbers[0]}"
-    shown = ", ".join(str(number) for number in numbers[:limit])
+    listed = ", ".join(str(number) for number in numbers[:limit])
     more = f" and {len(numbers) - limit} more" if len(numbers) > limit else ""
-    return f"rows {shown}{more}"
+    return f"rows {listed}{more}"
 
 
 def refuse(path: Path, message: str) -> UserError:

@@ -1,7 +1,7 @@
 """The raw table every reader yields: named columns as the file has them, flaws and all."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -67,6 +67,13 @@ class Table:
             Without units.
         """
         return [column.name for column in self.columns]
+
+
+Reader = Callable[[Path, bytes], Table]
+"""Reads a file of one form: takes its path, which messages name, and its content, and returns its raw columns.
+
+A file that cannot be used is refused with a `UserError`: file, row, reason. What could be repaired is in the table.
+"""
 
 
 def split_header_cell(cell: str) -> tuple[str, str | None]:
@@ -148,3 +155,26 @@ def numbers(table: Table, column: Column) -> NDArray[np.float64]:
             )
         values[index] = value
     return values
+
+
+def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
+    """Turn an array of any type into floats, or into text cells if it holds no numbers.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Numbers, booleans, instants or objects.
+
+    Returns
+    -------
+    ndarray or list of str
+        Instants become seconds since the first one; objects become text, to be judged only if the column is used.
+    """
+    if values.dtype.kind == "M":
+        seconds = (values - values[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+        return np.asarray(seconds, dtype=float)
+    if values.dtype.kind == "m":
+        return np.asarray(values / np.timedelta64(1, "s"), dtype=float)
+    if values.dtype.kind in "biuf":
+        return values.astype(float)
+    return ["" if value is None else str(value) for value in values]

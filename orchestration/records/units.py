@@ -11,7 +11,7 @@ from orchestration.records.record import refuse
 
 
 def convert(
-    path: Path, column: str, values: NDArray[np.float64], found: str, expected: str, signal: str
+    path: Path, column: str, values: NDArray[np.float64], unit: str, expected: str, signal: str
 ) -> NDArray[np.float64]:
     """Convert a column's values from the file's unit to the model's.
 
@@ -22,8 +22,8 @@ def convert(
     column : str
         Column name in the file, for the message.
     values : ndarray, shape (n,)
-        In the unit `found`.
-    found, expected : str
+        In `unit`.
+    unit, expected : str
         Unit in the file, and unit of the result.
     signal : str
         The model's name of the signal, for the hint.
@@ -39,7 +39,7 @@ def convert(
         If the unit is not known or of another dimension.
     """
     try:
-        source = units.parse(found)
+        source = units.parse(unit)
     except UserError as error:
         raise refuse(
             path, f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'"
@@ -47,8 +47,8 @@ def convert(
     if not units.convertible(source, units.parse(expected)):
         raise refuse(
             path,
-            f"column '{column}' is in {found}, but {signal} is in {expected}, "
-            f"and {found} cannot be converted to {expected}; "
+            f"column '{column}' is in {unit}, but {signal} is in {expected}, "
+            f"and {unit} cannot be converted to {expected}; "
             f"to read the numbers as another unit: --map '{column}={signal}[{expected}]'",
         )
-    return np.asarray(units.convert(values, found, expected), dtype=float)
+    return np.asarray(units.convert(values, unit, expected), dtype=float)

@@ -199,23 +199,23 @@ def warnings(system: System) -> list[str]:
     list of str
         FMUs that cannot be run on this machine, factors that are not those of the units, inputs that feed nothing.
     """
-    found = []
+    lines = []
     for member in system.members:
         with Archive(member.fmu) as archive:
             if fmpy.platform not in archive.platforms:
                 there = ", ".join(archive.platforms) or "none"
-                found.append(f"{member.name}: {member.fmu.name} has no binary for {fmpy.platform}; it has {there}")
+                lines.append(f"{member.name}: {member.fmu.name} has no binary for {fmpy.platform}; it has {there}")
     for connection in system.connections:
         gives = interface(system.member(connection.source.member)).outputs[connection.source.variable]
         takes = interface(system.member(connection.target.member)).inputs[connection.target.variable]
         needed, given = conversion(gives.unit, takes.unit), (connection.factor, connection.offset)
         if needed is not None and gives.unit != takes.unit and not _close(needed, given):
-            found.append(
+            lines.append(
                 f"{connection.source} -> {connection.target}: from {gives.unit!r} to {takes.unit!r} the units ask for "
                 f"{_words(needed)}, given is {_words(given)}"
             )
-    found += [f"system input {name} feeds nothing" for name, ports in system.inputs.items() if not ports]
-    return found
+    lines += [f"system input {name} feeds nothing" for name, ports in system.inputs.items() if not ports]
+    return lines
 
 
 def _close(one: tuple[float, float], other: tuple[float, float]) -> bool:

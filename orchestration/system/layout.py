@@ -51,8 +51,8 @@ class Box:
     @property
     def width(self) -> float:
         """Room for the longest of either list, and for the title."""
-        left, right = (max((len(name) for name in names), default=0) for names in (self.inputs, self.outputs))
-        return max(LETTER * (left + right) + 0.45, LETTER * 1.1 * len(self.title) + 0.3)
+        of_inputs, of_outputs = (max((len(name) for name in names), default=0) for names in (self.inputs, self.outputs))
+        return max(LETTER * (of_inputs + of_outputs) + 0.45, LETTER * 1.1 * len(self.title) + 0.3)
 
     def end(self, variable: str, output: bool) -> tuple[float, float]:
         """Where a variable meets the outside."""
@@ -104,13 +104,13 @@ def _boxes(system: System) -> dict[str, Box]:
     used_in = {c.target for c in system.connections} | {port for ports in system.inputs.values() for port in ports}
     used_out = {c.source for c in system.connections} | set(system.outputs.values())
     columns = _columns(system)
-    found = {}
+    boxes = {}
     for member in system.members:
         model = interface(member)
         inputs = [name for name in model.inputs if Port(member.name, name) in used_in]
         outputs = [name for name in model.outputs if Port(member.name, name) in used_out]
-        found[member.name] = Box(member, inputs, outputs, columns[member.name])
-    return found
+        boxes[member.name] = Box(member, inputs, outputs, columns[member.name])
+    return boxes
 
 
 def _columns(system: System) -> dict[str, int]:
@@ -156,7 +156,7 @@ def _tracks(system: System, boxes: Mapping[str, Box]) -> Mapping[Port, tuple[int
     # what leaves a column turns off before what comes to the next one turns in
     own = {source: track(boxes[source.member].column) for source in nets}
     over = under = 0
-    found = {}
+    tracks = {}
     for source, connections in nets.items():
         column = boxes[source.member].column
         far = sorted({c for k in connections if (c := boxes[k.target.member].column) != column + 1})
@@ -165,8 +165,8 @@ def _tracks(system: System, boxes: Mapping[str, Box]) -> Mapping[Port, tuple[int
             lane = under = under - 1
         elif far:
             lane = over = over + 1
-        found[source] = (own[source], {other: track(other - 1) for other in far}, lane)
-    return found
+        tracks[source] = (own[source], {other: track(other - 1) for other in far}, lane)
+    return tracks
 
 
 def _place(system: System, boxes: Mapping[str, Box]) -> dict[Port, Lane]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import tanh
 from typing import Any
 
 from fmus import component, effects
 from fmus.kit import Component, stack
 from fmus.kit.errors import UserError, suggestion
-from orchestration.system.model import Member, Port, System, connect
+from orchestration.system.model import Connection, Member, Port, System, connect
+from orchestration.system.voltmeter import Voltmeter
 
 FEET = ("an", "po", "do", "pl")  # the actuators of a foot
 # Tension in N of the actuators with the longer arms while the foot rests; that of their antagonists balances it. Two
@@ -94,6 +96,37 @@ def degradation_watch(runtime: str) -> System:
         _summary(degradation_watch),
         step=step,
         stop=18000.0,
+    )
+
+
+def with_voltmeter(system: System, source: str, runtime: str = "native") -> System:
+    """System in which a voltage is measured before anybody receives it.
+
+    Parameters
+    ----------
+    system : System
+    source : str
+        Output ``member.variable``, in V; what was connected to it receives ``voltmeter.measured_voltage``.
+    runtime : {"native", "python"}
+        Which build of the voltmeter.
+
+    Returns
+    -------
+    System
+        It has an input more, ``voltage_error`` in V: 0, or measurement noise that it is driven with.
+
+    Raises
+    ------
+    UserError
+        If there is no such member, or the voltmeter cannot be built.
+    """
+    port, measured = system.port(source), Port("voltmeter", "measured_voltage")
+    moved = (replace(c, source=measured) if c.source == port else c for c in system.connections)
+    return replace(
+        system,
+        members=(*system.members, Member.of("voltmeter", Voltmeter, runtime=runtime)),
+        connections=(*moved, Connection(port, Port("voltmeter", "voltage"))),
+        inputs={**system.inputs, "voltage_error": (Port("voltmeter", "error"),)},
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -139,6 +139,33 @@ class System:
         if not dot or not variable:
             raise UserError(f"system {self.name}: {text!r} is not of the form member.variable")
         return Port(self.member(name).name, variable)
+
+    def given(self, values: Mapping[str, float]) -> System:
+        """Same system with other values of parameters, and of inputs that stay at a value, by ``member.variable``.
+
+        Raises
+        ------
+        UserError
+            If a name is not of that form, or there is no such member.
+        """
+        parameters = {member.name: dict(member.parameters) for member in self.members}
+        for text, value in values.items():
+            port = self.port(text)
+            parameters[port.member][port.variable] = value
+        return replace(self, members=tuple(replace(m, parameters=parameters[m.name]) for m in self.members))
+
+    def disconnected(self, target: str, value: float) -> System:
+        """Same system in which the input ``member.variable`` stays at a value, in the FMU's unit.
+
+        Raises
+        ------
+        UserError
+            If the input is not connected.
+        """
+        kept = tuple(c for c in self.connections if c.target != self.port(target))
+        if len(kept) == len(self.connections):
+            raise UserError(f"system {self.name}: {target} is not connected")
+        return replace(self, connections=kept).given({target: value})
 
 
 def connect(*pairs: str) -> tuple[Connection, ...]:

@@ -110,8 +110,8 @@ def _equations() -> Iterator[Entry]:
         ("eq. 3.7", "mechanical_displacement", "force", numerator / (s * (k2 + b2 * s))),
         ("eq. 3.9", "voltage", "current", (r1 * r2 * cap * s + r2) / slow),
     ):
-        found = response[:, rows.index(output), columns.index(given)]
-        same = bool(np.allclose(found, printed, rtol=1e-9, atol=0.0))
+        entry = response[:, rows.index(output), columns.index(given)]
+        same = bool(np.allclose(entry, printed, rtol=1e-9, atol=0.0))
         yield Claim(
             f"eq. 3.5, {equation}", f"{output.replace('_', ' ')} from {given}", "equal",
             "equal" if same else "different", inferred=True,
@@ -140,32 +140,32 @@ def _scripts() -> Iterator[Entry]:
         "thesis/test_actuator",
     )  # fmt: skip
     r1, r2, c = MODEL["R1"], MODEL["R2"], MODEL["C"]
-    shown = (r2 - r1 * r2 / (r1 + r2)) / ((r1 + r2) * c)
+    share = (r2 - r1 * r2 / (r1 + r2)) / ((r1 + r2) * c)
     start = Claim(
-        "appendix A2", "voltage at the start per V(1) - 0.2", "1", shown, "V/V",
+        "appendix A2", "voltage at the start per V(1) - 0.2", "1", share, "V/V",
         "lsim takes a state of tf2ss, which is no voltage", erratum=25, inferred=True,
     )  # fmt: skip
     yield start
     yield Erratum(
         25, "appendix A2", "`lsim(sys,I,t,V(1)-0.2)`: a voltage is taken for the state at the start",
-        f"the state of `tf2ss` is no voltage: {shown:.3f} of it shows in the output (table 3-1). The 0.2 V may be a "
+        f"the state of `tf2ss` is no voltage: {share:.3f} of it shows in the output (table 3-1). The 0.2 V may be a "
         "correction by hand",
         "thesis/test_actuator",
     )  # fmt: skip
 
 
 def _creep() -> Iterator[Entry]:
-    load, shown = 2.75, "0.4"  # N; mm, as fig. 3-9 plots it
+    load, plotted = 2.75, "0.4"  # N; mm, as fig. 3-9 plots it
     k1 = MODEL["k1"]
     yield Claim(
-        "fig. 3-9, section 3.3.1", f"elongation of k1 by {load:g} N, in N/mm", shown, load / k1, "mm",
+        "fig. 3-9, section 3.3.1", f"elongation of k1 by {load:g} N, in N/mm", plotted, load / k1, "mm",
         "appendix A4 multiplies its output by 1000", f"{1e3 * load / k1:.2f} mm with k1 in N/m", erratum=1,
     )  # fmt: skip
     yield Erratum(
         1, "section 3.3.1, fig. 3-9",
         "k1 = 6300 N/mm, b1 = 1.7e6 N·s/mm, k2 = 1.0e4 N/mm, b2 = 2.0e6 N·s/mm",
         f"N/m and N·s/m: {load:g} N on {k1:.0f} N/mm would stretch the actuator by {1e3 * load / k1:.2f} µm, where the "
-        f"plots show {shown} mm; fig. 5-7 has the same b1 in N·s/m, and A4 multiplies its output by 1000",
+        f"plots show {plotted} mm; fig. 5-7 has the same b1 in N·s/m, and A4 multiplies its output by 1000",
     )  # fmt: skip
     time, force = staircase()
     flow = run(time, {"force": force - force.min()})["maxwell_elongation"][-1]
@@ -214,11 +214,11 @@ def illustrations() -> tuple[Illustration, ...]:
 def _square() -> Figure:
     time = np.linspace(0.0, 30.0, 1500, endpoint=False)
     current = waveforms.square_wave(time, 0.9, 0.2)
-    found = run(time, {"current": current})
+    signals = run(time, {"current": current})
     figure, axes = pictures.panels(3, "±0.9 A at 0.2 Hz, 12 layers")
     for axis, name, unit, values in zip(
         axes, ("current", "voltage", "displacement"), ("A", "V", "mm"),
-        (current, found["voltage"], 1e3 * found["displacement"]), strict=True,
+        (current, signals["voltage"], 1e3 * signals["displacement"]), strict=True,
     ):  # fmt: skip
         axis.plot(time, values, color=_BLUE)
         pictures.label(axis, name, unit)
@@ -227,12 +227,12 @@ def _square() -> Figure:
 
 def _creeping() -> Figure:
     time, force = staircase()
-    found = run(time, {"force": force})
+    signals = run(time, {"force": force})
     figure, (upper, lower) = pictures.panels(2, "Loads from 0.5 N to 2.75 N, 12 layers")
     upper.step(time, force, where="post", color=_BLUE)
-    lower.plot(time, 1e3 * found["displacement"], color=_BLUE, label="all")
+    lower.plot(time, 1e3 * signals["displacement"], color=_BLUE, label="all")
     lower.step(time, 1e3 * force / MODEL["k1"], where="post", color=_GREY, linestyle="--", label="spring k1")
-    lower.plot(time, 1e3 * found["maxwell_elongation"], color=_RED, label="dashpot b1")
+    lower.plot(time, 1e3 * signals["maxwell_elongation"], color=_RED, label="dashpot b1")
     lower.legend(fontsize=8)
     pictures.label(upper, "force", "N")
     pictures.label(lower, "displacement", "mm")

@@ -51,19 +51,19 @@ def _resolution() -> Iterator[Entry]:
 def _filters() -> Iterator[Entry]:
     hum = 60.0  # Hz, in the country of the thesis
     folded = abs(hum - 2.0 * _NYQUIST * round(hum / (2.0 * _NYQUIST)))
-    left, humming = (
+    remaining, humming = (
         {cutoff: 1.0 / hypot(1.0, frequency / cutoff) for cutoff in (_DESCRIBED_CUTOFF, _A1_CUTOFF)}
         for frequency in (_NYQUIST, hum)
     )
     cutoff = Claim(
         "section 2.2.2", "cutoff of the sensor filters, against A1", f"{_DESCRIBED_CUTOFF:g}", _A1_CUTOFF, "Hz",
-        f"A1's filter leaves {100 * left[_A1_CUTOFF]:.1f} % at half the sampling frequency", erratum=5,
+        f"A1's filter leaves {100 * remaining[_A1_CUTOFF]:.1f} % at half the sampling frequency", erratum=5,
     )  # fmt: skip
     yield cutoff
     yield Erratum(
         5, "section 2.2.2 against A1", f"sensor filters at about {cutoff.published} Hz",
         f"A1 designs with {_A1_CUTOFF:g} Hz. At {_NYQUIST:g} Hz, half the sampling frequency, the one leaves "
-        f"{100 * left[_DESCRIBED_CUTOFF]:.0f} % of a disturbance, the other {100 * left[_A1_CUTOFF]:.0f} %; "
+        f"{100 * remaining[_DESCRIBED_CUTOFF]:.0f} % of a disturbance, the other {100 * remaining[_A1_CUTOFF]:.0f} %; "
         f"of {hum:g} Hz hum, which {2 * _NYQUIST:g} Hz sampling folds to {folded:g} Hz, "
         f"{100 * humming[_DESCRIBED_CUTOFF]:.0f} % and {100 * humming[_A1_CUTOFF]:.0f} %",
     )  # fmt: skip

@@ -63,11 +63,11 @@ class Claim:
 
     def _parts(self) -> tuple[str, float, float, float]:
         """Relation, lower and upper figure, and half a unit of the last printed digit."""
-        found = _PRINTED.fullmatch(self.published)
-        if found is None:
+        match = _PRINTED.fullmatch(self.published)
+        if match is None:
             raise ValueError(f"{self.where}, {self.what}: {self.published!r} is no printed figure")
-        low, high = found["low"], found["high"] or found["low"]
-        return found["relation"] or "", float(low), float(high), max(_half_digit(low), _half_digit(high))
+        low, high = match["low"], match["high"] or match["low"]
+        return match["relation"] or "", float(low), float(high), max(_half_digit(low), _half_digit(high))
 
     @property
     def printed_range(self) -> tuple[float, float]:
@@ -117,7 +117,7 @@ class Claim:
         return self.reproduced / nearest - 1.0 if nearest else None
 
     @property
-    def shown(self) -> str:
+    def reproduced_text(self) -> str:
         """The recomputed value, with one digit more than is printed and at least three."""
         if isinstance(self.reproduced, str):
             return self.reproduced

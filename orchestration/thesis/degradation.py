@@ -68,20 +68,20 @@ def _windows() -> Iterator[Entry]:
     omega = 2.0 * pi * 0.1
     start = float(magnitude(CIRCUIT, omega))
     true = 100.0 * (float(magnitude((r1[-_WINDOW // 2], *CIRCUIT[1:]), omega)) / start - 1.0)
-    shown = {}
+    rise_of = {}
     for kept in (True, False):
-        found = least_squares_windows(current, voltage, PERIOD, _WINDOW, kept, omega, zero_order_hold)
-        shown[kept] = 100.0 * (float(found.impedance[-1]) / start - 1.0)
+        windows = least_squares_windows(current, voltage, PERIOD, _WINDOW, kept, omega, zero_order_hold)
+        rise_of[kept] = 100.0 * (float(windows.impedance[-1]) / start - 1.0)
     yield Claim(
         "appendix A3", f"samples behind estimate {count}", str(_WINDOW), float(count * _WINDOW),
         reason=f"the normal matrices are never cleared; a rise of the impedance by {true:.1f} % shows as "
-        f"{shown[True]:.1f} %", erratum=7,
+        f"{rise_of[True]:.1f} %", erratum=7,
     )  # fmt: skip
     yield Erratum(
         7, "appendix A3, batch least squares", f"estimates for every {_WINDOW} points",
         f"the normal matrices are never cleared, so that window n holds all data up to n: of an impedance that has "
-        f"risen by {true:.1f} % in the last of {count} windows it shows {shown[True]:.1f} %, a window of its own "
-        f"{shown[False]:.1f} %", "unit/identify/test_impedance",
+        f"risen by {true:.1f} % in the last of {count} windows it shows {rise_of[True]:.1f} %, a window of its own "
+        f"{rise_of[False]:.1f} %", "unit/identify/test_impedance",
     )  # fmt: skip
 
 
@@ -182,15 +182,15 @@ def life() -> dict[str, Array]:
 
 
 def _life() -> Figure:
-    found = life()
-    valid = found["estimate_valid"] > 0.5
-    time = np.where(valid, found["time"], np.nan)[::50]
+    signals = life()
+    valid = signals["estimate_valid"] > 0.5
+    time = np.where(valid, signals["time"], np.nan)[::50]
     figure, (upper, middle, lower) = pictures.panels(3, "±1.3 A at 0.1 Hz for five hours")
-    upper.plot(found["time"][::50], found["series_resistance"][::50], color=_GREY, label="of the actuator")
-    upper.plot(time, found["R1"][::50], color=_BLUE, label="estimated")
+    upper.plot(signals["time"][::50], signals["series_resistance"][::50], color=_GREY, label="of the actuator")
+    upper.plot(time, signals["R1"][::50], color=_BLUE, label="estimated")
     upper.legend(fontsize=8)
-    middle.plot(time, found["impedance"][::50], color=_BLUE)
-    lower.step(found["time"][::50], found["voltage_limit"][::50], where="post", color=_RED)
+    middle.plot(time, signals["impedance"][::50], color=_BLUE)
+    lower.step(signals["time"][::50], signals["voltage_limit"][::50], where="post", color=_RED)
     pictures.label(upper, "R1", "ohm")
     pictures.label(middle, "impedance at 0.1 Hz", "ohm")
     pictures.label(lower, "voltage limit", "V")
@@ -198,14 +198,14 @@ def _life() -> Figure:
 
 
 def _protection() -> Figure:
-    found = life()
+    signals = life()
     last = slice(-600, None)
-    time = found["time"][last]
+    time = signals["time"][last]
     figure, (upper, lower) = pictures.panels(2, "The last minute")
-    upper.step(time, found["current"][last], where="post", color=_BLUE)
-    lower.plot(time, found["voltage"][last], color=_BLUE)
+    upper.step(time, signals["current"][last], where="post", color=_BLUE)
+    lower.plot(time, signals["voltage"][last], color=_BLUE)
     for sign in (1.0, -1.0):
-        lower.step(time, sign * found["voltage_limit"][last], where="post", color=_RED, linestyle="--", linewidth=1)
+        lower.step(time, sign * signals["voltage_limit"][last], where="post", color=_RED, linestyle="--", linewidth=1)
     pictures.label(upper, "current", "A")
     pictures.label(lower, "voltage", "V")
     return figure

@@ -31,7 +31,7 @@ _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 def entries() -> Iterator[Entry]:
     """Everything chapter 5 and the symbol list let one recompute."""
-    for part in (_motor, _table, _matrices, _statics, _symbols):
+    for part in (_motor, _table, _matrices, _shape_of_matrices, _statics, _symbols):
         yield from part()
 
 
@@ -94,17 +94,17 @@ def consistent() -> tuple[Array, Array]:
 
 
 def _matrices() -> Iterator[Entry]:
-    found, (compliance, damping) = printed(), consistent()
+    program, (compliance, damping) = printed(), consistent()
     for equation, name, unit, texts, values, right in (
-        ("eq. 5.11", "C", "mm/N", ("1081", "9.6", "7.3"), found.compliance, compliance),
-        ("eq. 5.12", "D", "N*s/mm", ("1.7e7", "1.5e5", "1.1e5"), found.damping, damping),
+        ("eq. 5.11", "C", "mm/N", ("1081", "9.6", "7.3"), program.compliance, compliance),
+        ("eq. 5.12", "D", "N*s/mm", ("1.7e7", "1.5e5", "1.1e5"), program.damping, damping),
     ):
         for (row, column), axes, text in zip(((0, 0), (0, 1), (1, 1)), ("xx", "xy", "yy"), texts, strict=True):
             yield Claim(
                 equation, f"{name}_{axes}", text, float(values[row, column]), unit,
                 "follows from the printed program in inches only", f"{number(right[row, column])} {unit}", 12,
             )  # fmt: skip
-    c, d = found.compliance, found.damping
+    c, d = program.compliance, program.damping
     in_mm = printed(MILLIMETRES_PER_INCH).compliance[0, 0]
     foot_length = sum(TABLE[symbol][1] for symbol in ("l_1", "l_2", "l_3")) * MILLIMETRES_PER_INCH
     yield Erratum(
@@ -120,6 +120,12 @@ def _matrices() -> Iterator[Entry]:
             "text under eq. 5.12", f"{name}_xx over {name}_yy, two orders of magnitude", "~1e2",
             matrix[0, 0] / matrix[1, 1], "", "of the printed matrix", number(right[0, 0] / right[1, 1]), 12,
         )  # fmt: skip
+
+
+def _shape_of_matrices() -> Iterator[Entry]:
+    """What the printed matrices are to each other, and to lengths."""
+    c, d = printed().compliance, printed().damping
+    damping = consistent()[1]
     larger = "y" if d[1, 1] > d[0, 0] else "x"
     yield Claim(
         "text under eq. 5.12", "direction of the larger damping", "y", larger,

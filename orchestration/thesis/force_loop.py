@@ -184,10 +184,10 @@ def _bode() -> Figure:
         magnitude, phase = analysis.bode(system, frequencies)
         upper.semilogx(frequencies, magnitude, color=color, label=name)
         lower.semilogx(frequencies, phase, color=color)
-        found = analysis.margins(system)
-        if np.isfinite(found.crossover):
-            upper.plot(found.crossover, 0.0, "o", color=color)
-            lower.plot(found.crossover, found.phase - 180.0, "o", color=color)
+        margins = analysis.margins(system)
+        if np.isfinite(margins.crossover):
+            upper.plot(margins.crossover, 0.0, "o", color=color)
+            lower.plot(margins.crossover, margins.phase - 180.0, "o", color=color)
     upper.plot(float(_PRINTED_CROSSOVER), 0.0, "kx", label=f"as printed: {_PRINTED_PHASE}° at {_PRINTED_CROSSOVER} Hz")
     lower.plot(float(_PRINTED_CROSSOVER), float(_PRINTED_PHASE) - 180.0, "kx")
     upper.legend(fontsize=8)

@@ -95,31 +95,31 @@ def forgetting_factor(weight: float, sample: float, time: float) -> float:
 def _forgetting() -> Iterator[Entry]:
     factor, asked = 0.91, 10.0
     memory = -PERIOD / log(factor)
-    left = 100.0 * factor ** (asked / PERIOD)
+    remaining = 100.0 * factor ** (asked / PERIOD)
     slow, rate, five = 0.985, 15.0, 5.0
-    left_slow = 100.0 * slow ** (five * rate)
+    remaining_slow = 100.0 * slow ** (five * rate)
     known = Claim(
         "appendix A3", "time that a factor of 0.91 remembers, at 10 Hz", f"{asked:g}", memory, "s",
-        f"time constant of the weights; after {asked:g} s a weight of {left:.3f} % is left", erratum=11,
+        f"time constant of the weights; after {asked:g} s a weight of {remaining:.3f} % is left", erratum=11,
     )  # fmt: skip
     yield known
     yield Erratum(
         11, "section 4.1.2, appendix A3", f"α = {factor:g} corresponds to approximately {known.published} seconds",
-        f"by eq. 4.11 at {1 / PERIOD:g} Hz that is a weight of {left:.3f} % after {asked:g} s, a memory of "
-        f"{memory:.1f} s; {slow:g} at {rate:g} Hz leaves {left_slow:.0f} % after {five:g} s",
+        f"by eq. 4.11 at {1 / PERIOD:g} Hz that is a weight of {remaining:.3f} % after {asked:g} s, a memory of "
+        f"{memory:.1f} s; {slow:g} at {rate:g} Hz leaves {remaining_slow:.0f} % after {five:g} s",
         "components/degradation_estimator/test_model",
     )  # fmt: skip
-    weight, shown = 10.0, 1.0  # percent; s, on the axis of the program's plot
-    drawn = forgetting_factor(weight, PERIOD, shown + 1.0)
-    right = forgetting_factor(weight, PERIOD, shown)
+    weight, plotted = 10.0, 1.0  # percent; s, on the axis of the program's plot
+    drawn = forgetting_factor(weight, PERIOD, plotted + 1.0)
+    right = forgetting_factor(weight, PERIOD, plotted)
     yield Claim(
-        "appendix A3", "forgetting time of what is plotted at 1 s", f"{shown:g}", PERIOD * log10(0.1) / log10(drawn),
+        "appendix A3", "forgetting time of what is plotted at 1 s", f"{plotted:g}", PERIOD * log10(0.1) / log10(drawn),
         "s", "the program evaluates eq. 4.11 at j + 1 and plots at j", erratum=28, inferred=True,
     )  # fmt: skip
     yield Erratum(
         28, "appendix A3", "plot of the forgetting factor over the desired time",
-        f"every value stands one second too early: at {shown:g} s, with {weight:g} % left and {1 / PERIOD:g} Hz, the "
-        f"plot shows {drawn:.4f}, which is the factor for {shown + 1:g} s; eq. 4.11 gives {right:.4f}",
+        f"every value stands one second too early: at {plotted:g} s, with {weight:g} % left and {1 / PERIOD:g} Hz, the "
+        f"plot shows {drawn:.4f}, which is the factor for {plotted + 1:g} s; eq. 4.11 gives {right:.4f}",
         "thesis/test_degradation",
     )  # fmt: skip
 

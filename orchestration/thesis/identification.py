@@ -104,14 +104,14 @@ def _sampling() -> Iterator[Entry]:
     def rate(b0: float, b1: float, a: float, c: float) -> float:
         return (b1 - a * b0) / (c * (b0 + b1) ** 2)  # eq. 3.13
 
-    found = Claim(
+    known = Claim(
         "section 2.2.2", "sampling frequency of table 3-1", "30", rate(b0, b1, a, float(SETS[0][5])), "Hz",
         "eq. 3.13 gives C only with 0.1 s", erratum=21, allowed=spread(rate, [*SETS[0][:3], SETS[0][5]]),
     )  # fmt: skip
-    yield found
+    yield known
     yield Erratum(
-        21, "section 2.2.2", f"all data were sampled at {found.published} Hz",
-        f"C of table 3-1 follows from its coefficients at {found.reproduced:.1f} Hz only; the programs read records of "
+        21, "section 2.2.2", f"all data were sampled at {known.published} Hz",
+        f"C of table 3-1 follows from its coefficients at {known.reproduced:.1f} Hz only; the programs read records of "
         "100 and 50 Hz (A2), 10 Hz (A3) and 40 Hz (A4), section 4.3 says 15 Hz", "thesis/test_actuator",
     )  # fmt: skip
     yield Claim(
@@ -128,8 +128,8 @@ def _sampling() -> Iterator[Entry]:
 
 def _conversion() -> Iterator[Entry]:
     r1, r2, c = CIRCUIT
-    found = tustin(held_coefficients(r1, r2, c, PERIOD), PERIOD)
-    for (name, unit), printed, value in zip(COLUMNS[3:], MEANS[3:], found, strict=True):
+    converted = tustin(held_coefficients(r1, r2, c, PERIOD), PERIOD)
+    for (name, unit), printed, value in zip(COLUMNS[3:], MEANS[3:], converted, strict=True):
         yield Claim(
             "eqs. 3.11 to 3.13", f"{name} of table 3-1 from held current", printed, float(value), unit,
             "Tustin's rule takes the current for a ramp; the galvanostat holds it", erratum=8, inferred=True,
@@ -137,7 +137,7 @@ def _conversion() -> Iterator[Entry]:
     yield Erratum(
         8, "eqs. 3.11–3.13", "Tustin's rule converts the parameters of eq. 3.10",
         f"exact for Tustin-generated data only: of R1 {r1:g} Ω, R2 {r2:g} Ω, C {c:g} F with a current "
-        f"held for {PERIOD:g} s it makes {found[0]:.3f} Ω, {found[1]:.3f} Ω and {found[2]:.3f} F",
+        f"held for {PERIOD:g} s it makes {converted[0]:.3f} Ω, {converted[1]:.3f} Ω and {converted[2]:.3f} F",
         "unit/identify/test_impedance",
     )  # fmt: skip
 

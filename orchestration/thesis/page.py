@@ -45,8 +45,8 @@ def run(out: Path) -> Path:
     path = target(out)
     with console.progress() as tell:
         tell("recomputing tables and equations")
-        found = chapters.claims()
-        page = Page("The thesis, recomputed", _verdict(found))
+        by_chapter = chapters.claims()
+        page = Page("The thesis, recomputed", _verdict(by_chapter))
         page.text(
             "Every figure that does not need the lost data, recomputed from the models. A figure holds if the computed "
             "value rounds to the printed one; within rounding means that the rounding of the printed inputs "
@@ -58,7 +58,7 @@ def run(out: Path) -> Path:
         done, count = 0, sum(map(len, drawings.values()))
         with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
             picture = Path(folder) / "picture.png"
-            for title, claims in found.items():
+            for title, claims in by_chapter.items():
                 page.heading(title)
                 page.parts.append(_table(claims))
                 for drawing in drawings[title]:
@@ -71,8 +71,8 @@ def run(out: Path) -> Path:
         rows = [[str(e.number), e.where, e.printed, e.holds] for e in chapters.errata()]
         page.parts.append(_wrapped(("#", "where", "printed", "what holds"), rows, widths={1: 8, 2: 12, 3: 16}))
         page.write(path)
-    show(found)
-    console.out.print(f"\n{_verdict(found)}\nwrote {path}", markup=False)
+    show(by_chapter)
+    console.out.print(f"\n{_verdict(by_chapter)}\nwrote {path}", markup=False)
     return path
 
 
@@ -99,8 +99,8 @@ def target(out: Path) -> Path:
     return path
 
 
-def _verdict(found: dict[str, list[Claim]]) -> str:
-    every = [claim for claims in found.values() for claim in claims]
+def _verdict(by_chapter: dict[str, list[Claim]]) -> str:
+    every = [claim for claims in by_chapter.values() for claim in claims]
     printed, inferred = (_counted([c for c in every if c.inferred is kind]) for kind in (False, True))
     return (
         f"{printed[0]} printed figures and statements: {printed[1]}. {inferred[0]} that follow from print: "
@@ -114,9 +114,9 @@ def _counted(claims: Sequence[Claim]) -> tuple[int, str]:
     return len(claims), ", ".join(f"{count[verdict]} {words}" for verdict, words in _COUNTED.items() if count[verdict])
 
 
-def show(found: dict[str, list[Claim]]) -> None:
+def show(by_chapter: dict[str, list[Claim]]) -> None:
     """Print the claims, chapter by chapter."""
-    for title, claims in found.items():
+    for title, claims in by_chapter.items():
         table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=True)
         for column, ratio in (("where", 5), ("quantity", 8)):
             table.add_column(column, ratio=ratio)
@@ -136,7 +136,7 @@ def _published(claim: Claim) -> str:
 
 
 def _value(claim: Claim) -> str:
-    return f"{claim.shown} {claim.unit}".strip()
+    return f"{claim.reproduced_text} {claim.unit}".strip()
 
 
 def _difference(claim: Claim) -> str:

@@ -91,7 +91,7 @@ def test_suggestions(name, options, text):
         (["--stop", "inf"], ["to inf s"]),
         (["--stop", "1e300"], ["1e+301 steps", "at most 1e7"]),
         (["--plot", "out.xyz"], ["out.xyz", ".png, .svg, .pdf"]),
-        (["--plot", "out"], ["cannot draw out", "nothing"]),
+        (["--plot", "out"], ["--plot out", "nothing"]),
         (["--map", "a=current"], ["--map", "--input"]),
         (["--input", "nothere.csv"], ["nothere.csv", "No such file"]),
         (["--nothing"], ["--nothing", "simulate --help"]),

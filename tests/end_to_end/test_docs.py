@@ -1,7 +1,7 @@
 """Code in the documentation runs: console blocks through a shell, python blocks as scripts, in order, in one folder.
 
 An output block is an excerpt of what the commands before it printed. With ``PPY_WRITE_DOCS`` set, its numbers are
-written anew.
+written anew. Modules, files and options that any page names exist.
 """
 
 import os
@@ -11,17 +11,32 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
+import typer
 
 from fmus.kit.build.toolchain import host_platform
+from orchestration.cli import app as cli
+from tests.support import source
 
-ROOT = Path(__file__).parents[2]
+ROOT = source.ROOT
 PAGES = [
     "docs/tutorial.md",
     "docs/reference/master.md",
     *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "docs" / "how-to").glob("*.md"))),
 ]
 BLOCK = re.compile(r"^```(console|python|output)\n(.*?)^```", re.M | re.S)
+FOLDERS = ("docs", "fmus", "orchestration", "benchmarks", "tests", "examples")
+MARKDOWN = sorted(
+    path.relative_to(ROOT)
+    for pattern in ("*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
+    for path in ROOT.glob(pattern)
+)
+DOTTED = re.compile(r"(?<![\w./])(?:orchestration|fmus|tests|benchmarks)(?:\.\w+)+(?![\w/])")
+PATH = re.compile(rf"(?<![\w./-])(?:(?:{'|'.join(FOLDERS)})/[\w./-]*|\.ci/\w+)")
+PYTHON_FILE = re.compile(rf"(?<![\w./])(?!(?:{'|'.join(FOLDERS)})/)[\w/]+\.py(?![\w/])")
+THE_READERS = {"file.py", "path/to/file.py", "own.py", "models.py"}  # files that a reader would write
+OTHER_PROGRAMS = {"python", "pip", "pytest", "git", "make", "pre-commit"}
 NUMBER = re.compile(r"(?<![\w-])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
@@ -100,11 +115,73 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
         run(f"{command} --platforms {host_platform()}" if command == "ppy build" else command, tmp_path)
 
 
-@pytest.mark.parametrize(
-    "page", [Path("README.md"), *(p.relative_to(ROOT) for p in sorted((ROOT / "docs").rglob("*.md")))], ids=str
-)
+@pytest.mark.parametrize("page", MARKDOWN, ids=str)
 def test_links_lead_somewhere(page: Path) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
         if "://" not in target:
             assert (ROOT / page.parent / target).exists(), f"{page}: {target}"
+
+
+# --- names in prose and code ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", MARKDOWN, ids=str)
+def test_modules_and_files_that_a_page_names_exist(page: Path) -> None:
+    """Dotted names to the last attribute; paths from the root of the project, or, if a file of Python, to any depth."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    dotted = {name for name in DOTTED.findall(text) if not name.endswith((".md", ".py"))}
+    assert {name for name in dotted if not source.exists(name)} == set()
+    paths = {path.rstrip(".") for path in PATH.findall(text)}
+    assert {path for path in paths if not (ROOT / path).exists()} == set()
+    ours = [f"/{p.relative_to(ROOT).as_posix()}" for p in source.modules().values()]
+    files = {name for name in PYTHON_FILE.findall(text) if name not in THE_READERS}
+    assert {name for name in files if not any(path.endswith(f"/{name}") for path in ours)} == set()
+
+
+def options(command: click.Command) -> dict[str, set[str]]:
+    """Options of a command and of those below it, by the words that call it."""
+    own = {option for p in command.params for option in (*p.opts, *p.secondary_opts)} | {"--help"}
+    found = {"": own}
+    for name, below in getattr(command, "commands", {}).items():
+        found |= {f"{name} {words}".strip(): flags for words, flags in options(below).items()}
+    return found
+
+
+def commands_of(text: str) -> list[str]:
+    """Lines of code blocks and code between backticks; one for each program that they call."""
+    blocks = re.findall(r"^```\w*\n(.*?)^```", text, re.M | re.S)
+    spans = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S))
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    return [part.strip() for line in [*lines, *spans] for part in re.split(r"&&|[;|]| {2,}#", line.removeprefix("$ "))]
+
+
+@pytest.mark.parametrize("page", MARKDOWN, ids=str)
+def test_options_that_a_page_names_exist(page: Path) -> None:
+    """With a command before it an option is one of that command, else of any; other programs are left alone."""
+    known = options(typer.main.get_command(cli.app))
+    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "benchmarks").glob("*.py")]
+    known["benchmarks"] = {option for text in sources for option in re.findall(r'"(--[a-z-]+)"', text)}
+    for line in commands_of((ROOT / page).read_text(encoding="utf-8")):
+        flags = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", line))
+        program, *words = line.removeprefix(".venv/bin/").removeprefix("python -m ").split() or [""]
+        if program.split(".")[0] == "benchmarks":
+            assert flags <= known["benchmarks"], f"{page}: {line}"
+        elif program == "ppy":
+            command = next((c for n in (2, 1) if (c := " ".join(words[:n])) in known), "")
+            assert flags <= known[command], f"{page}: {line}"
+        elif program not in OTHER_PROGRAMS:
+            assert flags <= set.union(*known.values()), f"{page}: {line}"
+
+
+def test_a_name_that_is_not_there_would_be_noticed() -> None:
+    assert source.exists("orchestration.fmu.model.find_model")
+    assert not source.exists("orchestration.fmu.model.find_models")
+    assert not source.exists("orchestration.fmus")
+    known = options(typer.main.get_command(cli.app))
+    assert "--plot" in known["simulate"]
+    assert "--connectors" in known["system export"]
+    assert "--connectors" not in known["simulate"]
+    assert commands_of("`ppy run x --out y`\n```sh\nppy list && \\\nppy build  # all\n```\n") == [
+        "ppy list", "ppy build", "all", "ppy run x --out y",
+    ]  # fmt: skip

@@ -54,7 +54,7 @@ from orchestration.rig.emulator.hidden_sensor import (
     SluggishSensor,
 )
 from orchestration.rig.emulator.hidden_unknown import Hum, LooseContact, LooseFixture, RestlessAir, SlippingClamp
-from orchestration.rig.emulator.physics import Step, together
+from orchestration.rig.emulator.physics import Transition, together
 from orchestration.rig.emulator.records import draw, write
 from orchestration.rig.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
 
@@ -118,7 +118,7 @@ def test_diffusion_has_the_impedance_of_a_finite_layer():
     n = physics.order
     units = np.eye(n + 2)
     row = [float(physics.terminal_voltage(unit[:n], unit[n], unit[n + 1])) for unit in units]
-    system = Step(physics, 0.1).system
+    system = Transition(physics, 0.1).system
     for frequency in np.geomspace(0.001, 2.0, 9):
         s = 2j * np.pi * frequency
         electrical = [0, *range(3, n)]
@@ -356,7 +356,7 @@ def test_a_variation_leaves_what_was_wanted(name, strength):
     assert max(widths_by_fit(drawn).values()) == pytest.approx(hidden.wanted, rel=0.2)
 
 
-@pytest.mark.random_walk
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [1.0, 0.3])
 @pytest.mark.parametrize("name", VARIATIONS)
 def test_every_variation_leaves_what_was_wanted(name, strength):

@@ -66,7 +66,7 @@ LEAST = {
 }  # fmt: skip
 
 
-@pytest.mark.random_walk
+@pytest.mark.slow
 @pytest.mark.timeout(5400)
 def test_the_rates_hold(tmp_path):
     rows = [row for row in run(cases(2), tmp_path, 2) if "impossible" not in row]

@@ -89,7 +89,7 @@ def least(time, strain, elements):
 
 @pytest.mark.parametrize(
     "options",
-    [("--effects", "second_kelvin,third_kelvin,fourth_kelvin"), pytest.param((), marks=pytest.mark.random_walk)],
+    [("--effects", "second_kelvin,third_kelvin,fourth_kelvin"), pytest.param((), marks=pytest.mark.slow)],
 )
 def test_a_melt_has_three_kelvin_elements(public_data, tmp_path, options):
     """Burgers' chain has one, the catalogue three more. The stress stands still: the melt was at rest before."""
@@ -147,7 +147,7 @@ def duffing(values, time, force):
     return shown + values.get("position_offset", 0.0)
 
 
-@pytest.mark.parametrize("samples", [8192, pytest.param(82_000, marks=pytest.mark.random_walk)])
+@pytest.mark.parametrize("samples", [8192, pytest.param(82_000, marks=pytest.mark.slow)])
 def test_a_circuit_hardens(public_data, tmp_path, samples):
     """Fitted to a stretch of the multisines, judged on the arrow."""
     head, *rows = public_data("silverbox_snls80mV.csv").read_text(encoding="utf-8").splitlines()

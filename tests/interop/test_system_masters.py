@@ -78,6 +78,21 @@ def _same_a_step_later(tables):
         close(tables["Ecos"][signal], tables["libcosim"][signal])
 
 
+def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
+    """Where outputs are read before inputs are set, what is measured is a step old; Ecos reads it after."""
+    held = {"charge_start": 2.0, "current": 0.0, "force": 0.0}
+    actuator = Member.of("actuator", component("ppy_actuator"), held, runtime)
+    system = library.with_voltmeter(System("meter", (actuator,), (), step=0.1), "actuator.voltage", runtime)
+    path, error, (voltage, measured) = exported(system), 0.25, ("actuator.voltage", "voltmeter.measured_voltage")
+    for name, run in MASTERS.items():
+        found = run(path, system.step, 10, {"voltmeter.error": error}, [voltage, measured])
+        assert np.ptp(found[voltage]) > 0.01
+        if name == "Ecos":
+            close(found[measured], found[voltage] + error)
+        else:
+            close(found[measured][1:], found[voltage][:-1] + error)
+
+
 def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):
     """What answers to an input at once is one exchange ahead in Ecos; the trajectories are the same."""
     inputs, count, _, (tension,) = RUNS["dma_bench"]

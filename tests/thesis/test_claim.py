@@ -88,7 +88,7 @@ def test_relative_difference_is_to_the_nearest_end(published, value, difference)
      ("0", 3860.0, "3860"), ("<0.001", 6.78e-4, "0.000678"), ("7 to 10", 73.53, "73.5"), ("x", "y", "y")],
 )  # fmt: skip
 def test_one_digit_more_than_printed_is_shown(published, value, shown):
-    assert claim(published, value).shown == shown
+    assert claim(published, value).reproduced_text == shown
 
 
 def test_numbers_as_people_write_them():

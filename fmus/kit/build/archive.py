@@ -16,6 +16,10 @@ def pack(files: Mapping[str, bytes]) -> bytes:
     ----------
     files : Mapping[str, bytes]
         Path inside the archive to contents.
+
+    Returns
+    -------
+    bytes
     """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:

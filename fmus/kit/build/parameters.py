@@ -67,7 +67,21 @@ def to_ssv(name: str, values: Mapping[str, float], declared: Mapping[str, Typed]
 
 
 def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:
-    """Append an element ``Units`` of a namespace that defines units in SI base units; nothing if there are none."""
+    """Append an element ``Units`` that defines units in SI base units; nothing if there are none.
+
+    Parameters
+    ----------
+    parent : Element
+    namespace : str
+        Of the new elements: SSV's, or that of a system's description.
+    used : iterable of str
+        Units as pint reads them.
+
+    Raises
+    ------
+    UserError
+        See :func:`fmus.kit.units.base_unit`.
+    """
     if not (names := sorted(used)):
         return
     definitions = SubElement(parent, f"{{{namespace}}}Units")

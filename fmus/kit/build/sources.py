@@ -13,8 +13,8 @@ from fmus.kit.symbolic.trace import Graph
 
 FOLDER = Path(__file__).parents[1] / "fmi2"
 UNIT = "all.c"  # includes every other
-_FRONT_END = ("lifecycle.c", "access.c", "snapshot.c", "step.c")
-_HEADERS = ("engine.h", "instance.h")
+_FRONT_END = ("instance.c", "evaluate.c", "lifecycle.c", "access.c", "snapshot.c", "step.c")
+_HEADERS = ("engine.h", "instance.h", "evaluate.h")
 _FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 
@@ -63,6 +63,15 @@ def unit(*names: str) -> bytes:
     """Make one translation unit of C files.
 
     The compiler sees through the calls between the parts, and a tool has one file to compile.
+
+    Parameters
+    ----------
+    *names : str
+        Files to include.
+
+    Returns
+    -------
+    bytes
     """
     return "".join(f'#include "{name}"\n' for name in names).encode()
 

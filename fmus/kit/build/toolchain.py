@@ -31,6 +31,10 @@ _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibil
 def host_platform() -> str:
     """FMI 2.0 name of this machine's platform, e.g. ``linux64``.
 
+    Returns
+    -------
+    str
+
     Raises
     ------
     UserError
@@ -91,6 +95,10 @@ def find_compiler(target: str) -> Compiler:
     target : str
         ``linux64``, ``win64`` or ``darwin64``.
 
+    Returns
+    -------
+    Compiler
+
     Raises
     ------
     UserError
@@ -109,6 +117,11 @@ def find_compiler(target: str) -> Compiler:
 
 def available_platforms() -> list[str]:
     """Platforms that a compiler on this machine can serve.
+
+    Returns
+    -------
+    list of str
+        FMI 2.0 names.
 
     Raises
     ------

@@ -1,4 +1,5 @@
 /* FMI 2.0 co-simulation: reading and writing variables, directional derivatives. */
+#include "evaluate.h"
 #include "instance.h"
 
 #include <limits.h>

@@ -1,7 +1,7 @@
 /* The contract between the generated model, the FMI front-end and the engines.
  *
  * An FMU is compiled from three parts:
- *     front-end   lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
+ *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
  *     engine      native.c integrate.c   or   python.c library.c
  *     model       model.h model.c, and laws.c with the native engine   (generated)
  *
@@ -110,7 +110,7 @@ void engine_free(Engine *engine);
 /* Called at the end of initialization: parameters are in range, states and discretes at their start values. */
 bool engine_initialize(Engine *engine, Message message);
 
-/* Outputs, or derivatives, at `time` from all the rest. */
+/* Outputs, or derivatives, at `time` from all other variables. */
 bool engine_evaluate(Engine *engine, double time, Message message);
 bool engine_differentiate(Engine *engine, double time, Message message);
 

@@ -1,4 +1,4 @@
-/* What the files of the front-end share: the instance and the reporting of errors. */
+/* What the files of the front-end share: the instance, its modes and the reporting of errors. */
 #ifndef INSTANCE_H
 #define INSTANCE_H
 
@@ -39,6 +39,9 @@ typedef struct {
     bool logging;
 } Instance;
 
+/* Gives one line to the logger of the host, if there is one, in a form that every logger can take. */
+void deliver(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text);
+
 /* Reports one line through the logger of the host and returns `status`. Warnings need logging to be on. */
 fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...);
 
@@ -47,10 +50,6 @@ bool allowed(const Instance *instance, int modes, const char *function);
 
 /* Declares outputs and derivatives outdated, and lets states follow their start parameters before the simulation starts. */
 void touch(Instance *instance, bool parameters);
-
-/* Brings outputs or derivatives up to date and checks that they are finite. */
-fmi2Status refresh_outputs(Instance *instance);
-fmi2Status refresh_derivatives(Instance *instance);
 
 /* Puts the instance back to `before` and, for good, into the mode FAILED. */
 fmi2Status fail(Instance *instance);

@@ -56,7 +56,7 @@ static double try_step(Engine *engine, double time, double h) {
 
 /* The state that stops the integration: one whose rate is not finite, else the fastest. */
 static const char *culprit(const Engine *engine) {
-    int found = 0;
+    int worst = 0;
     double fastest = -1.0;
     for (int i = 0; i < MODEL_STATES; i++) {
         const Variable *state = &model_variables[FIRST_STATE + i];
@@ -65,10 +65,10 @@ static const char *culprit(const Engine *engine) {
             return state->name;
         if (speed > fastest) {
             fastest = speed;
-            found = i;
+            worst = i;
         }
     }
-    return model_variables[FIRST_STATE + found].name;
+    return model_variables[FIRST_STATE + worst].name;
 }
 
 static bool give_up(const Engine *engine, double time, double error, Message message) {
@@ -101,18 +101,18 @@ bool integrate(Engine *engine, double time, double target, Message message) {
     if (MODEL_STATES == 0 || time >= target)
         return spend(engine, time, message);
     while (time < target) {
-        double left = target - time;
-        double h = *hint <= 0.999 * left ? *hint : left, error, next;
+        double remaining = target - time;
+        double h = *hint <= 0.999 * remaining ? *hint : remaining, error, next;
         if (!spend(engine, time, message))
             return false;
         error = try_step(engine, time, h);
         next = following(h, error);
         if (error <= 1.0) {
-            time = h == left ? target : time + h;
+            time = h == remaining ? target : time + h;
             memcpy(engine->memory + FIRST_STATE, engine->trial, MODEL_STATES * sizeof(double));
             /* A step shortened to land on the target says nothing against a longer one. */
             if (isfinite(*hint))
-                *hint = h == left ? fmax(*hint, next) : next;
+                *hint = h == remaining ? fmax(*hint, next) : next;
         } else if (h < 1e-14 * fmax(1.0, fabs(time))) {
             return give_up(engine, time, error, message);
         } else {

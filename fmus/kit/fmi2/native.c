@@ -101,7 +101,7 @@ static bool sample(Engine *engine, double time, double end, double *target, Mess
 bool engine_advance(Engine *engine, double time, double step, Message message) {
     double end = time + step, target;
     engine->origin = time;
-    engine->budget = MOST_STEPS;
+    engine->budget = MAX_STEPS;
     engine->sloped = false;
     for (int i = 0; i < MODEL_INPUTS; i++)
         engine->sloped |= engine->memory[MEMORY_SLOPES + i] != 0.0;

@@ -9,13 +9,13 @@ Law rates, outputs, tangent;
 LAWS_UPDATES(DECLARE_UPDATE)
 #undef DECLARE_UPDATE
 
-enum { MOST_STEPS = 1000000 }; /* internal, in one communication step */
+enum { MAX_STEPS = 1000000 }; /* internal, in one communication step */
 
 struct Engine {
     double *memory;
     double origin; /* the time at which the inputs have the values in memory */
     bool sloped;   /* whether any input has a slope */
-    long budget;   /* of MOST_STEPS, what is left in this communication step */
+    long budget;   /* of MAX_STEPS, what remains in this communication step */
     double time;   /* argument of the law being called, as the inputs below */
     double inputs[MODEL_INPUTS + 1];
     double trial[MODEL_STATES + 1];

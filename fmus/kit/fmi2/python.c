@@ -2,7 +2,8 @@
  *
  * The package in resources/python offers create(memory), `memory` being a writable memoryview of doubles laid out as
  * in engine.h. The object it returns has initialize(), evaluate(time) for the outputs, differentiate(time) for the
- * derivatives of the states and advance(time, step), each of which returns None or the text of an error, and may have close(). Whatever they raise becomes an error of the FMU.
+ * derivatives of the states and advance(time, step), each of which returns None or the text of an error, and may have
+ * close(). Whatever they raise becomes an error of the FMU.
  */
 #include "python.h"
 

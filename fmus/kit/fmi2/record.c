@@ -43,7 +43,7 @@ static bool all_finite_at(const double *memory, double time, Message message) {
 
 static bool run(Engine *engine, size_t n, const double *time, const double *inputs, int linear, double effort,
                 double *outputs_at, double *states_at, Message message) {
-    double *memory = engine->memory, left = effort * (double)n;
+    double *memory = engine->memory, budget = effort * (double)n;
     for (size_t k = 0; k < n; k++) {
         memcpy(memory + FIRST_INPUT, inputs + k * MODEL_INPUTS, MODEL_INPUTS * sizeof(double));
         if (!engine_evaluate(engine, time[k], message) || !all_finite_at(memory, time[k], message))
@@ -54,8 +54,8 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
             break;
         if (!step(engine, time, inputs, k, linear, message))
             return false;
-        left -= (double)(MOST_STEPS - engine->budget);
-        if (left < 0.0) {
+        budget -= (double)(MAX_STEPS - engine->budget);
+        if (budget < 0.0) {
             snprintf(message, MESSAGE_SIZE,
                      "more than %g internal steps per sample up to %.10g s: with these parameters a time constant is "
                      "that much shorter than the time between samples",

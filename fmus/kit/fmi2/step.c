@@ -1,47 +1,8 @@
 /* FMI 2.0 co-simulation: the step in time and what belongs to it. */
+#include "evaluate.h"
 #include "instance.h"
 
 #include <math.h>
-
-static bool all_finite(const Instance *instance, int first, int end) {
-    for (int i = first; i < end; i++)
-        if (!isfinite(instance->now.memory[i])) {
-            report(instance, fmi2Error, "'%s' is not a finite number at t = %.10g s", model_variables[i].name,
-                   instance->now.time);
-            return false;
-        }
-    return true;
-}
-
-static fmi2Status evaluation_failed(const Instance *instance, const char *message) {
-    return report(instance, fmi2Error, "evaluation at t = %.10g s failed: %s", instance->now.time, message);
-}
-
-fmi2Status refresh_outputs(Instance *instance) {
-    Message message;
-    message[0] = 0; /* not = "", which would clear all of it at every step */
-    if (instance->now.outputs_outdated == 0.0)
-        return fmi2OK;
-    if (!engine_evaluate(instance->engine, instance->now.time, message))
-        return evaluation_failed(instance, message);
-    if (!all_finite(instance, FIRST_OUTPUT, FIRST_DERIVATIVE))
-        return fmi2Error;
-    instance->now.outputs_outdated = 0.0;
-    return fmi2OK;
-}
-
-fmi2Status refresh_derivatives(Instance *instance) {
-    Message message;
-    message[0] = 0;
-    if (instance->now.derivatives_outdated == 0.0)
-        return fmi2OK;
-    if (!engine_differentiate(instance->engine, instance->now.time, message))
-        return evaluation_failed(instance, message);
-    if (!all_finite(instance, FIRST_DERIVATIVE, MODEL_VARIABLES))
-        return fmi2Error;
-    instance->now.derivatives_outdated = 0.0;
-    return fmi2OK;
-}
 
 static bool step_valid(const Instance *instance, double time, double step) {
     const State *now = &instance->now;

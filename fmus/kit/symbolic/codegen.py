@@ -120,7 +120,19 @@ def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, s
 
 
 def python_sources(graph: Graph, guid: str) -> dict[str, str]:
-    """Write every generated file of the Python build, ``model.h`` and ``model.c``; the laws stay in Python."""
+    """Write every generated file of the Python build; the laws stay in Python.
+
+    Parameters
+    ----------
+    graph : Graph
+        The traced component.
+    guid : str
+
+    Returns
+    -------
+    dict of str to str
+        ``model.h`` and ``model.c``.
+    """
     files = tables(graph, guid)
     files["model.h"] += "#endif\n"
     return files

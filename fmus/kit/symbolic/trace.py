@@ -68,9 +68,17 @@ class Graph:
         return starts(self.layout.states), starts(self.layout.discretes)
 
     def functions(self, tangent: bool = True) -> list[ca.Function]:
-        """CasADi functions that the native engine calls (``fmi2/engine.h``): rates, outputs, updates, tangent.
+        """CasADi functions that the native engine calls (``fmi2/engine.h``).
 
-        Without ``tangent`` the last one is there but empty, for uses that never differentiate.
+        Parameters
+        ----------
+        tangent : bool
+            Whether directional derivatives are wanted; without them that function is there, but empty.
+
+        Returns
+        -------
+        list of casadi.Function
+            Rates, outputs, an update for each sample period, tangent.
         """
         a = self.arguments
         names = ["time", "parameters", "inputs", "states", "discretes"]
@@ -87,7 +95,18 @@ class Graph:
         ]
 
     def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
-        """For each expression, the positions of the symbols it depends on."""
+        """Sparsity of expressions.
+
+        Parameters
+        ----------
+        expressions, symbols : casadi.SX
+            Columns.
+
+        Returns
+        -------
+        list of list of int
+            For each expression, the positions of the symbols it depends on.
+        """
         if expressions.numel() == 0 or symbols.numel() == 0:
             return [[] for _ in range(expressions.numel())]
         pattern = np.array(ca.DM(ca.jacobian_sparsity(expressions, symbols), 1).full(), dtype=bool)
@@ -124,7 +143,14 @@ class Graph:
     def point(self, **values: float) -> list[np.ndarray]:
         """Vectors of parameters, inputs, states and discretes: defaults, replaced by ``values``.
 
-        The default of a state is its start parameter.
+        Parameters
+        ----------
+        **values : float
+            By name (SI); the default of a state is its start parameter.
+
+        Returns
+        -------
+        list of ndarray
 
         Raises
         ------

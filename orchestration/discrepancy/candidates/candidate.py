@@ -48,13 +48,12 @@ def label(effect: type[Effect]) -> str:
 
 def own_parameters(effect: type[Effect]) -> list[str]:
     """Real parameters that an effect declares, its switch first."""
-    starts = {f"{v.name}_start" for v in (*effect.layout.states, *effect.layout.discretes)}
-    names = [p.name for p in effect.layout.parameters if p.type == "real" and p.name not in starts]
+    names = [p.name for p in effect.layout.parameters if p.type == "real" and not p.starts]
     return sorted(names, key=lambda name: name != effect.neutral)
 
 
 def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]) -> list[type[Effect]]:
-    """Every effect that a record with these outputs can speak of.
+    """Every effect that a record with these outputs can speak of, but those that are laid over already.
 
     Parameters
     ----------
@@ -68,5 +67,6 @@ def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measure
     -------
     list of type[Effect]
     """
-    wanted = set(measured)
-    return [*physics.values(), *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
+    wanted, there = set(measured), {label(effect) for effect in vars(cls).get("stacked", (cls, ()))[1]}
+    known = [*physics.values(), *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
+    return [effect for effect in known if label(effect) not in there]

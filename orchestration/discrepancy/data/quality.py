@@ -158,10 +158,7 @@ def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
         yield whole(dead)
         return
     ties = _tie_probability(y, resolution, moved)
-    if ties is None:
-        symptoms = faults_without_noise(y, resolution, moved)
-    else:
-        symptoms = faults_in_noise(y, resolution, ties)
+    symptoms = faults_without_noise(y, resolution, moved) if ties is None else faults_in_noise(y, resolution, ties)
     bad = np.zeros(n, dtype=bool)
     for symptom in symptoms:
         bad |= symptom.mask

@@ -68,7 +68,10 @@ def divided(cls: type[Component], data: Dataset, holdout: Dataset | None, fixed:
         raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
     data, notes = screened(cls, data, fixed)
     if holdout is not None:
-        holdout, others = screened(cls, holdout, fixed)
+        try:
+            holdout, others = screened(cls, holdout, fixed)
+        except UnusableRecordError as error:  # it is not the record fitted to of which nothing is usable
+            raise UnusableRecordError([note.of_holdout() for note in error.notes]) from error
         notes += [note.of_holdout() for note in others if note not in notes]
     data, early = drop_truncated(data)
     if holdout is None:

@@ -46,7 +46,7 @@ class Response:
 def at_rest(model: FittedCandidate) -> Array:
     """Searched coordinates of a fitted model, states where they start by declaration."""
     problem = model.problem
-    starts = {name: problem.start[name] for name in problem.names if name.endswith("_start")}
+    starts = {name: problem.start[name] for name in problem.names if problem.declared[name].starts}
     return problem.position(problem.start | model.fit.values | starts)
 
 
@@ -164,7 +164,7 @@ def _white(noise: Noise, values: Array) -> Array:
 def _prior(model: FittedCandidate) -> Array:
     """Rows that keep physical parameters, not start values nor those of effects, from running away, as in a fit."""
     own = set(model.candidate.parameters)
-    held = [k for k, n in enumerate(model.problem.names) if n not in own and not n.endswith("_start")]
+    held = [k for k, n in enumerate(model.problem.names) if n not in own and not model.problem.declared[n].starts]
     return np.eye(len(model.problem.names))[held] / PRIOR_STD
 
 

@@ -1,8 +1,8 @@
 """The experiment that discriminates between alternatives: stimuli within a rig's limits, and the evidence to expect.
 
 Each input has a menu of shapes between its limits. From the broadest excitation on, the shape of one input after the
-other is exchanged for the one that raises the least evidence over all pairs of alternatives, either of them being true; the
-best few are then judged with the wrong model refitted for good.
+other is exchanged for the one that raises the least evidence over all pairs of alternatives, either of them
+being true; the best few are then judged with the wrong model refitted for good.
 """
 
 from __future__ import annotations
@@ -99,7 +99,9 @@ class DiscriminatingExperiment:
         return {
             "duration": self.duration, "step": self.step, "separates": self.is_worthwhile,
             "inputs": {name: {"kind": s.kind, **s.keys} for name, s in self.stimuli.items()},
-            "expected": [{"right": e.true_model, "wrong": e.candidate, "delta_bic": e.bic} for e in self.expected],
+            "expected": [
+                {"true_model": e.true_model, "candidate": e.candidate, "delta_bic": e.bic} for e in self.expected
+            ],
         }  # fmt: skip
 
     def toml(self, component: str, comment: str, title: str = "") -> str:
@@ -127,10 +129,11 @@ class DiscriminatingExperiment:
         lines += [f"effects = {_value([effect.id for effect in physics])}"] if physics else []
         lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
         lines += [f"record = {_value(list(self.model.fit.residual))}", "", "[parameters]"]
+        starts = self.model.candidate.cls.layout.start_parameters
         shown = {p.name for effect in self.model.candidate.effects if effect.output for p in effect.layout.parameters}
         lines += [
             f"{name} = {value!r}" for name, value in self.model.fit.values.items()
-            if name not in shown and not name.endswith("_start")
+            if name not in shown and name not in starts
         ]  # fmt: skip
         for name, stimulus in self.stimuli.items():
             lines += ["", f"[inputs.{name}]", f"kind = {_text(stimulus.kind)}"]
@@ -240,12 +243,12 @@ class _DesignSearch:
         return min(expected_delta_bic_linear(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
 
     def evaluated(self, chosen: Experiment) -> tuple[Experiment, list[ExpectedEvidence]]:
-        """Return the chosen experiment, or one of the next best, by what is left after the wrong model is refitted."""
+        """Return the chosen experiment, or one of the next best, judged with the wrong model refitted for good."""
         others = sorted((row for row in self.seen if row[1] != chosen), key=lambda row: -row[0])
         trials = [chosen, *(trial for least, trial in others[: _EVALUATED - 1] if least > -np.inf)]
-        found = side_by_side(self._expected, trials)
+        evaluated = side_by_side(self._expected, trials)
         rows = [
-            (min(e.bic for e in expected), (trial, expected)) for trial, expected in zip(trials, found, strict=True)
+            (min(e.bic for e in expected), (trial, expected)) for trial, expected in zip(trials, evaluated, strict=True)
         ]
         return _best_broadest(rows)
 

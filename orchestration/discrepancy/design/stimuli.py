@@ -69,7 +69,7 @@ def limits_of_inputs(base: FittedCandidate, data: Dataset, limits: Limits) -> di
     for name in limits:
         if name not in declared:
             raise UserError(f"limits of {name}: there is no such input; there are {', '.join(declared)}")
-    found = {}
+    limits_by_input = {}
     for name, v in declared.items():
         if v.type != "real":
             continue
@@ -80,8 +80,8 @@ def limits_of_inputs(base: FittedCandidate, data: Dataset, limits: Limits) -> di
         high = high if np.isfinite(high) else float(shown.max())
         if low > high:
             raise UserError(f"limits of {name}: {low:g} to {high:g} {v.unit} leaves nothing")
-        found[name] = (low, high)
-    return found
+        limits_by_input[name] = (low, high)
+    return limits_by_input
 
 
 def shapes_between(

@@ -24,7 +24,7 @@ class _Tried:
 
 
 def _tried(diagnosis: Diagnosis) -> list[_Tried]:
-    """Every effect that was fitted, once: those named, those not told apart from them, others by the last step in which they were tried."""
+    """Every effect that was fitted, once: those named, their alternatives, and others by their last trial."""
     steps, tried = diagnosis.selection.steps, diagnosis.selection.tried
     below = [diagnosis.selection.base, *(step.chosen for step in steps)]
     named = [step.chosen.effect_name for step in steps]

@@ -1,6 +1,6 @@
 """The figures of a report: a record and its simulations over time, and what the residual looks like.
 
-The spectrum is of the residual itself, beside the noise that was found; the autocorrelation is of what remains once the
+The spectrum is of the residual itself, beside the estimated noise; the autocorrelation is of what remains once the
 colour of that noise is taken off. Both have the band in which 99 % of noise would be.
 """
 
@@ -33,7 +33,7 @@ NOMINAL, REFITTED, EXTENDED = "nominal", "refitted", "extended"
 COLOURS = {NOMINAL: "#7fb0d0", REFITTED: pictures.MODEL, EXTENDED: pictures.FITTED}
 _HOURS = 7200.0  # seconds beyond which time is told in hours
 _SPREAD = 1000.0  # longest over shortest step from which on time is drawn logarithmic, as in creep tests
-_OVER, _REST, _INPUT, _SIDE = 190, 110, 56, 210  # heights of panels, pixels
+_OVER, _RESIDUAL, _INPUT, _SIDE = 190, 110, 56, 210  # heights of panels, pixels
 _PIECES = 8  # into which a residual is cut for its spectrum, half overlapping; more if it is long
 _LONGEST_PIECE = 4096
 _OVERLAP = 1.0 / 36.0  # squared correlation of two neighbouring pieces, half overlapping, under Hann's window
@@ -53,7 +53,7 @@ class ShownModel:
     Attributes
     ----------
     label : {"nominal", "refitted", "extended"}
-        With the values it came with; with all of them fitted; with what was found laid over it too.
+        With the values it came with; with all of them fitted; with the named effects laid over it too.
     model : FittedCandidate
     """
 
@@ -95,23 +95,23 @@ def over_time(
     panels, held = [], []
     for output, y in data.measured.items():
         signal = model.outputs[output]
-        over, rest = [Trace("measured", time, _display(y, signal), {"color": pictures.MEASURED, "width": 3.5})], []
+        over, residuals = [Trace("measured", time, _display(y, signal), {"color": pictures.MEASURED, "width": 3.5})], []
         for run in runs:
             values = simulated[run.label][output]
             style = {"color": run.colour, "width": 1.5}
             nominal = run.label == NOMINAL
-            left = y - values
+            residual = y - values
             style |= {"dash": "dot"} if nominal else {}
             # beside an effect the nominal model is there to be switched on: it may be far off, and hides what matters
             hidden = {"visible": "legendonly"}
             over.append(
                 Trace(run.label, time, _display(values, signal), style, hidden if nominal and len(runs) > 2 else {})
             )
-            far = nominal and (len(runs) > 2 or rms(left) > _FAR * rms(y - simulated[runs[-1].label][output]))
-            left = units.convert(left, signal.unit, unit_of_differences(signal))
-            rest.append(Trace(run.label, time, left, {"color": run.colour, "width": 1}, hidden if far else {}))
+            far = nominal and (len(runs) > 2 or rms(residual) > _FAR * rms(y - simulated[runs[-1].label][output]))
+            residual = units.convert(residual, signal.unit, unit_of_differences(signal))
+            residuals.append(Trace(run.label, time, residual, {"color": run.colour, "width": 1}, hidden if far else {}))
         panels += [Panel(_titled(output, signal.display), _OVER, over)]
-        panels += [Panel(_titled("measured − simulated", unit_of_differences(signal)), _REST, rest)]
+        panels += [Panel(_titled("measured − simulated", unit_of_differences(signal)), _RESIDUAL, residuals)]
     for name, values in data.inputs.items():
         signal = model.inputs[name]
         line = Trace("", time, _display(values, signal), {"color": "#4a5763", "width": 1, "shape": "hv"})
@@ -136,8 +136,8 @@ def over_time(
 
 
 def of_residual(
-    unit: tuple[str, str], step: float, present: NDArray[np.bool_], noise: Noise, runs: Sequence[ShownModel], output: str,
-    lines: Sequence[float],
+    unit: tuple[str, str], step: float, present: NDArray[np.bool_], noise: Noise, runs: Sequence[ShownModel],
+    output: str, lines: Sequence[float],
 ) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
     """Spectra of residuals, and autocorrelations of what the noise leaves of them.
 

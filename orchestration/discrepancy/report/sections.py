@@ -135,7 +135,7 @@ def parameters(made: Page, diagnosis: Diagnosis) -> None:
     best = diagnosis.selection.best
     declared, estimates = best.problem.declared, diagnosis.estimates
     owner = {name: label(effect) for effect in best.candidate.effects for name in effect.declared}
-    starts = [name for name in estimates if name.endswith("_start")]
+    starts = [name for name in estimates if declared[name].starts]
     scale = elements.Scale.of([e for name, e in estimates.items() if name not in owner and name not in starts])
     rows = []
     for name, e in estimates.items():
@@ -156,9 +156,7 @@ def parameters(made: Page, diagnosis: Diagnosis) -> None:
     marked = "Marked are those that surely and noticeably differ from nominal." if diagnosis.changed else ""
     made.parts.append(elements.aside(f"Of {best.candidate.cls.name}, fitted. {marked}"))
     if starts:
-        values = [
-            (name.removesuffix("_start"), *typography.estimate(estimates[name], declared[name])) for name in starts
-        ]
+        values = [(declared[name].starts, *typography.estimate(estimates[name], declared[name])) for name in starts]
         texts = [f"{escaped(name)} {value} ({interval})" for name, value, interval, _ in values]
         made.text(Markup(f"Where the states start: {'; '.join(texts)}."))
 

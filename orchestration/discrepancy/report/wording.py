@@ -42,7 +42,8 @@ _NOTES = {
     NoteCode.CONSTANT_INPUT:
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and effects that need "
         "them cannot be told apart",
-    NoteCode.NO_EXCITATION: "no input moves: neither a cause nor a parameter can be judged, only how the record settles",
+    NoteCode.NO_EXCITATION:
+        "no input moves: neither a cause nor a parameter can be judged, only how the record settles",
     NoteCode.EXCITATION_BELOW_NOISE:
         "no input moves by more than is lost in the noise of the outputs: nothing can be judged",
     NoteCode.UNKNOWN_START:

@@ -91,18 +91,17 @@ def operating_regions(
         if not FEWEST <= count <= n - FEWEST:
             continue
         within = float(square[inside].sum())
-        rest = (total - within) / (n - count)
-        if not rest > 0.0:
+        elsewhere = (total - within) / (n - count)
+        if not elsewhere > 0.0:
             continue
-        ratio = within / count / rest
+        ratio = within / count / elsewhere
         freedom = max(count * worth, 1.0), max((n - count) * worth, 1.0)
         surprise = float(f.logsf(ratio, *freedom)) + float(np.log(len(ranges)))
-        ends = np.sqrt(rest * f.ppf([0.005, 0.995], *freedom))
+        ends = np.sqrt(elsewhere * f.ppf([0.005, 0.995], *freedom))
         p = min(1.0, float(np.exp(surprise)))
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
-        ranked.append(
-            (surprise, OperatingRegion(output, signal.name, low, high, signal.unit, count, rms, band, float(np.sqrt(ratio)), p))
-        )  # fmt: skip
+        ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(ratio)), p
+        ranked.append((surprise, OperatingRegion(output, signal.name, *ends_and_size)))
     return [region for _, region in sorted(ranked, key=lambda pair: (pair[0], -pair[1].rms_ratio))]
 
 

@@ -115,16 +115,16 @@ def _weights(spectra: Array, power: Array, count: Array) -> tuple[Array, float]:
         rows = spectra * certain[:, np.newaxis]
         scale = np.sqrt((rows**2).sum(axis=0))
         target = nnls(rows / scale, power * certain)[0] / scale
-        step, trial, found = 1.0, target, np.inf
+        step, trial, reached = 1.0, target, np.inf
         while step > 1e-4:
             trial = (1.0 - step) * weights + step * target
-            if np.all(spectra @ trial > 0.0) and (found := cost(trial)) < least:
+            if np.all(spectra @ trial > 0.0) and (reached := cost(trial)) < least:
                 break
             step /= 2.0
         else:
             break
-        settled = least - found < 1e-6
-        weights, least = trial, found
-        if settled:
+        converged = least - reached < 1e-6
+        weights, least = trial, reached
+        if converged:
             break
     return weights, least

@@ -86,10 +86,11 @@ def _regressed(residual: Array, rows: Array, present: NDArray[np.bool_]) -> tupl
     weights = np.zeros(rows.shape[1])
     for _ in range(_COLOURED):
         noise = estimate(residual - rows @ weights, present)
-        white, left = noise.whiten(rows, present), noise.whiten(residual, present)
-        weights = covariance(white.T @ white).matrix @ (white.T @ left)
-    whole, rest = float(left @ left), float(((left - white @ weights) ** 2).sum())
-    return float(np.log(max(whole - rest, 1e-300) / max(rest, 1e-300))), weights
+        white, innovation = noise.whiten(rows, present), noise.whiten(residual, present)
+        weights = covariance(white.T @ white).matrix @ (white.T @ innovation)
+    whole = float(innovation @ innovation)
+    remaining = float(((innovation - white @ weights) ** 2).sum())
+    return float(np.log(max(whole - remaining, 1e-300) / max(remaining, 1e-300))), weights
 
 
 def _powers(signals: Sequence[Array]) -> Array:

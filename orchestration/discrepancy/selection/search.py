@@ -72,9 +72,11 @@ class Search:
                 start = fitted.problem.start | fitted.fit.values
                 start[name] = float(np.clip(start[name] * factor, effect.declared[name].min, effect.declared[name].max))
                 best = min(best, self._again(candidate, start, fitted), key=lambda e: e.fit.bic)
-        at_rest = not any(name.endswith("_start") for name in self.parameters)  # it is known where everything starts
+        # whether it is known where everything starts
+        at_rest = not any(name in self.base.layout.start_parameters for name in self.parameters)
         if not effect.output and effect.layout.states and not at_rest:
-            starts = (*candidate.starts, *(f"{state.name}_start" for state in effect.layout.states))
+            states = effect.layout.states
+            starts = (*candidate.starts, *(effect.layout.start_of[state.name] for state in states))
             moving = replace(candidate, starts=starts)
             best = min(best, self._again(moving, best.problem.start | best.fit.values, best), key=lambda e: e.fit.bic)
         return best
@@ -104,5 +106,5 @@ class Search:
     def _fit(
         self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
     ) -> FitResult:
-        physical = np.array([name in self.parameters and not name.endswith("_start") for name in problem.names])
+        physical = np.array([n in self.parameters and not problem.declared[n].starts for n in problem.names])
         return fit(problem, q, noise, physical, prior_std)

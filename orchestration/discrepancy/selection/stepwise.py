@@ -1,4 +1,4 @@
-"""Forward selection: one effect after another while the evidence asks for more, and what cannot be told apart from it."""
+"""Forward selection: one effect after another while the evidence asks for more, with the alternatives to each."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Selection:
         The model without effects, refitted.
     steps : list of Step
     rejected : list of tuple of FittedCandidate and float
-        Candidates of the last look, which found nothing more, with their gain.
+        Candidates of the last step, which named nothing more, with their gain.
     tried : int
         Effects in the catalogue.
     """
@@ -83,7 +83,7 @@ class Selection:
 
     @property
     def best(self) -> FittedCandidate:
-        """The model with all that was found."""
+        """The model with every effect that was named."""
         return self.steps[-1].chosen if self.steps else self.base
 
 

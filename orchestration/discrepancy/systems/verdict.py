@@ -2,86 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-from orchestration.discrepancy.residuals.correlation import CrossCorrelation
-from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
-from orchestration.discrepancy.residuals.random_walk import RandomWalkTest
-from orchestration.discrepancy.residuals.regression import ResidualRegression
 from orchestration.discrepancy.systems.adjust import AdjustmentResult
-from orchestration.identify.metrics import Whiteness, number
+from orchestration.discrepancy.systems.assessment import OutputAssessment
+from orchestration.discrepancy.systems.cut import InputSource
+from orchestration.discrepancy.systems.reason import Reason, ReasonCode
 from orchestration.records import Record
 
-Array = NDArray[np.float64]
-_LOST = 0.5  # of the variation of an output: if that much is in doubt, nothing can be said of it
-_MATTERS = 0.5  # noise widths that a fault must leave
-_HARDLY, _ROUGHLY = 0.5, 2.0  # by which doubt, which is no more than an estimate, must be exceeded: to look, to blame
-_UNMOVED = 1.5  # noise widths below which an output has not moved
 
+class MemberVerdict(StrEnum):
+    """What the diagnosis of a member comes to, the gravest first."""
 
-@dataclass(frozen=True)
-class OutputAssessment:
-    """One output of one member, simulated and measured.
-
-    Attributes
-    ----------
-    measured, simulated : ndarray, shape (n,)
-        In the FMU's unit.
-    unit : str
-    fit_percent, rms : float
-    noise : float
-        Of the measurement, as the record itself tells: standard deviation of what changes from sample to sample.
-    doubt : float
-        What noise of the inputs, and their course between samples, can do to the output: rms.
-    whiteness : Whiteness or None
-        None if there are too few samples to test.
-    explained : ResidualRegression
-        Of the residual, by the member's inputs and outputs.
-    slow : RandomWalkTest
-    associations : list of CrossCorrelation
-    regions : list of OperatingRegion
-    """
-
-    measured: Array
-    simulated: Array
-    unit: str
-    fit_percent: float
-    rms: float
-    noise: float
-    doubt: float
-    whiteness: Whiteness | None
-    explained: ResidualRegression
-    slow: RandomWalkTest
-    cross_correlations: list[CrossCorrelation]
-    regions: list[OperatingRegion]
-
-    @property
-    def lost(self) -> bool:
-        """Whether the simulation runs away from whatever was measured, so that it says nothing."""
-        return self.doubt > _LOST * float(np.nanstd(self.measured))
-
-    @property
-    def suspect(self) -> bool:
-        """Whether so much is explained or wanders that the parameters should be looked at."""
-        return self._more_than(_HARDLY)
-
-    @property
-    def wrong(self) -> bool:
-        """Whether more is explained or wanders than noise and doubt can account for."""
-        return self._more_than(_ROUGHLY)
-
-    def _more_than(self, doubts: float) -> bool:
-        matters = np.hypot(_MATTERS * self.noise, doubts * self.doubt)
-        found = any(f.significant and f.rms > matters for f in (self.explained, self.slow))
-        # a residual that is large and no mere noise, though no regression follows it
-        structured = any(a.significant for a in self.associations) or any(r.significant for r in self.regions)
-        large = self.rms > (1.0 + doubts / _ROUGHLY) * np.hypot(self.noise, self.doubt)
-        return not self.lost and bool(found or (structured and large))
+    WRONG = "wrong"  # in its structure
+    RECALIBRATE = "recalibrate"
+    CONSISTENT = "consistent"
+    CANNOT_BE_JUDGED = "cannot be judged"
 
 
 @dataclass(frozen=True)
@@ -110,42 +48,53 @@ class MemberDiagnosis:
     ----------
     name, fmu, model : str
         In the system, the file, and the name that the FMU gives its model: for one of ours that of the component.
-    verdict : {"consistent", "recalibrate", "wrong", "cannot be judged"}
-    why : str
-        In words.
-    fed : dict of str to str
-        Where each input is from, and whether it is held or changes linearly between samples.
+    verdict : MemberVerdict
+    reasons : list of Reason
+    inputs : dict of str to InputSource
+        What it was fed.
+    linear : list of str
+        Inputs that change linearly between samples; the other measured ones are held.
     before, after : dict of str to OutputAssessment
         By output; ``after`` with the adjusted parameters, empty if none were.
     parameters : dict of str to AdjustedParameter
     simulations : int
-    signals : dict of str to str
-        Measured inputs and outputs of the FMU, and what each is called in the system.
+        That it took.
     """
 
     name: str
     fmu: str
     model: str
-    verdict: str
-    why: str
-    fed: dict[str, str] = field(default_factory=dict)
+    verdict: MemberVerdict
+    reasons: list[Reason]
+    inputs: dict[str, InputSource] = field(default_factory=dict)
+    linear: list[str] = field(default_factory=list)
     before: dict[str, OutputAssessment] = field(default_factory=dict)
     after: dict[str, OutputAssessment] = field(default_factory=dict)
     parameters: dict[str, AdjustedParameter] = field(default_factory=dict)
     simulations: int = 0
-    signals: dict[str, str] = field(default_factory=dict)
 
     @property
-    def ours(self) -> bool:
-        """Whether the model is a component of this project by its name, so that its equations are known."""
+    def equations_known(self) -> bool:
+        """Whether the model is a component of this project by its name, so that a cause can be named."""
         from fmus import COMPONENTS
 
         return self.model in COMPONENTS
 
     @property
     def final(self) -> dict[str, OutputAssessment]:
-        """The last judgement of every output."""
+        """The last assessment of every output."""
         return self.after or self.before
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Measured inputs and outputs of the FMU, and what each is called in the system."""
+        fed = {name: str(source.signal) for name, source in self.inputs.items() if source.signal is not None}
+        return fed | {output: f"{self.name}.{output}" for output in self.before}
+
+    @property
+    def assessable(self) -> bool:
+        """Whether, with its parameters as they came, all measured outputs follow what it is fed."""
+        return not any(assessment.not_assessable for assessment in self.before.values())
 
 
 @dataclass(frozen=True)
@@ -166,82 +115,60 @@ class SystemDiagnosis:
     @property
     def wrong(self) -> list[str]:
         """Members whose structure is wrong."""
-        return [m.name for m in self.members if m.verdict == "wrong"]
+        return [m.name for m in self.members if m.verdict is MemberVerdict.WRONG]
 
     @property
-    def verdict(self) -> str:
-        """The gravest of all: wrong, recalibrate, consistent; cannot be judged if no member could be."""
-        return min(
-            (m.verdict for m in self.members), key=("wrong", "recalibrate", "consistent", "cannot be judged").index
-        )
-
-    def as_json(self) -> dict[str, Any]:
-        """Figures, ready for JSON."""
-        return {"system": self.system, "verdict": self.verdict, "members": [_member_json(m) for m in self.members]}
-
-
-def _member_json(m: MemberDiagnosis) -> dict[str, Any]:
-    return {
-        "member": m.name, "fmu": m.fmu, "model": m.model, "ours": m.ours,
-        "verdict": m.verdict, "why": m.why, "fed": m.fed,
-        "outputs": {o: _output_json(m, o) for o in m.final},
-        "parameters": {n: asdict(c) for n, c in m.parameters.items()},
-        "simulations": m.simulations,
-    }  # fmt: skip
-
-
-def _output_json(m: MemberDiagnosis, output: str) -> dict[str, Any]:
-    before, after = m.before[output], m.final[output]
-    return {
-        "fit_percent_before": number(before.fit_percent), "fit_percent": number(after.fit_percent),
-        "rms": number(after.rms), "unit": after.unit, "noise": after.noise, "doubt": after.doubt,
-        "white": after.whiteness.is_white if after.whiteness else None,
-        "explained": {"rms": after.explained.rms, "p_value": after.explained.p_value},
-        "slow": {"rms": after.slow.rms, "p_value": after.slow.p_value},
-        "associations": [a.text for a in after.associations if a.significant][:5],
-        "regions": [r.text for r in after.regions if r.significant][:5],
-    }  # fmt: skip
+    def verdict(self) -> MemberVerdict:
+        """The gravest of all; no member could be judged if that is the verdict."""
+        gravity = list(MemberVerdict)
+        return min((m.verdict for m in self.members), key=gravity.index)
 
 
 def verdict_of(
-    before: Mapping[str, OutputAssessment], after: Mapping[str, OutputAssessment] | None, changed: Mapping[str, AdjustedParameter],
+    final: Mapping[str, OutputAssessment],
+    parameters: Mapping[str, AdjustedParameter],
     adjusted: AdjustmentResult | None,
-) -> tuple[str, str]:  # fmt: skip
+) -> tuple[MemberVerdict, list[Reason]]:
     """Tell the verdict and why.
 
     Parameters
     ----------
-    before, after : Mapping of str to OutputAssessment
-        By output; ``after`` with the adjusted parameters, None if none were.
-    changed : Mapping of str to AdjustedParameter
+    final : Mapping of str to OutputAssessment
+        By output; with the adjusted parameters if any were.
+    parameters : Mapping of str to AdjustedParameter
     adjusted : AdjustmentResult, optional
+        None if nothing was searched.
 
     Returns
     -------
-    verdict, why : str
+    verdict : MemberVerdict
+    reasons : list of Reason
+        The most important first.
     """
-    final = after or before
-    lost = [o for o, j in final.items() if j.lost]
-    aside = f"; {', '.join(lost)} says nothing: what its inputs do between samples, or their noise, moves it too far"
-    aside = aside if lost else ""
-    if len(lost) == len(final):
-        return "cannot be judged", aside.removeprefix("; ")
-    wrong = [o for o, j in final.items() if j.wrong]
+    uncertain = [o for o, assessment in final.items() if assessment.not_assessable]
+    aside = _about(ReasonCode.TOO_UNCERTAIN, uncertain)
+    if len(uncertain) == len(final):
+        return MemberVerdict.CANNOT_BE_JUDGED, aside
+    wrong = [o for o, assessment in final.items() if assessment.wrong]
     if wrong:
-        worst = max(wrong, key=lambda o: final[o].rms / max(final[o].noise, 1e-300))
-        j = final[worst]
-        cause = next((a.text for a in j.associations if a.significant), "") or next(
-            (r.text for r in j.regions if r.significant), ""
-        )
-        left = f"{worst} is off by {j.rms:.3g} {j.unit} rms, {j.rms / max(j.noise, 1e-300):.1f} noise widths"
-        tried = ", whatever its parameters" if adjusted and adjusted.values else ""
-        short = " (the search for parameters was cut short)" if adjusted and not adjusted.whole else ""
-        return "wrong", f"{left}{tried}{short}" + (f"; {cause}" if cause else "") + aside
-    significantly_changed = [n for n, c in changed.items() if c.differs]
-    if significantly_changed:
-        pairs = [(n, changed[n]) for n in significantly_changed]
-        told = ", ".join(f"{n} is {c.value:.4g} {c.unit} instead of {c.nominal:.4g}" for n, c in pairs)
-        return "recalibrate", told + aside
-    still = [o for o, j in final.items() if np.nanstd(j.measured) < _UNMOVED * j.noise]
-    aside += f"; {', '.join(still)} does not move in this record, which says little of it" if still else ""
-    return "consistent", "nothing is left that noise cannot account for" + aside
+        worst = max(wrong, key=lambda o: final[o].noise_ratio)
+        facts = {
+            "output": worst,
+            "rms": final[worst].rms,
+            "unit": final[worst].unit,
+            "noise_ratio": final[worst].noise_ratio,
+            "adjusted": bool(adjusted and adjusted.values),
+            "complete": adjusted is None or adjusted.complete,
+            "most_telling": final[worst].most_telling,
+        }
+        return MemberVerdict.WRONG, [Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, facts), *aside]
+    changed = {name: parameter for name, parameter in parameters.items() if parameter.differs}
+    if changed:
+        return MemberVerdict.RECALIBRATE, [Reason(ReasonCode.PARAMETERS_CHANGED, {"parameters": changed}), *aside]
+    unmoved = _about(ReasonCode.OUTPUTS_UNMOVED, [o for o, assessment in final.items() if assessment.unmoved])
+    return MemberVerdict.CONSISTENT, [Reason(ReasonCode.RESIDUAL_IS_NOISE), *aside, *unmoved]
+
+
+def _about(code: ReasonCode, outputs: Sequence[str]) -> list[Reason]:
+    """A reason about some outputs, if there are any."""
+    return [Reason(code, {"outputs": list(outputs)})] if outputs else []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +36,13 @@ def significantly_changed(model: FittedCandidate, parameters: Sequence[str]) -> 
     chosen = {
         name: float(surely[i])
         for i, name in enumerate(problem.names)
-        if name in parameters and not name.endswith("_start") and surely[i] > _SIGNIFICANT
+        if name in parameters and not problem.declared[name].starts and surely[i] > _SIGNIFICANT
         and abs(fitted.q[i] - nominal[i]) > _NOTICEABLE
     }  # fmt: skip
     return sorted(chosen, key=lambda name: -chosen[name])
 
 
-def implausible(values: dict[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
+def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
     """Of some parameters, those that no specimen can have, with their ratios to nominal."""
-    physical = [n for n in parameters if values[n].nominal and not n.endswith("_start")]
-    ratios = {n: values[n].value / values[n].nominal for n in physical}
+    ratios = {n: values[n].value / values[n].nominal for n in parameters if values[n].nominal}
     return {n: x for n, x in ratios.items() if x > 0.0 and not 1.0 / _IMPLAUSIBLE < x < _IMPLAUSIBLE}

@@ -50,7 +50,7 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
     if validation.continued:
         return values
     layout, before = model.candidate.cls.layout, validation.data.part(0, validation.first)
-    starts = [f"{state.name}_start" for state in layout.states]
+    starts = [layout.start_of[state.name] for state in layout.states]
     if not starts:
         return values
     problem = Problem(model.candidate.cls, before.time, before.inputs, before.measured, starts, values, before.linear)
@@ -87,7 +87,8 @@ def predictive_deviance(validation: ValidationData, prediction: Prediction, nois
     is. In a record of its own nothing is granted to where the states start, which was estimated on its first samples.
     """
     model, residuals, slopes = prediction.model, [], []
-    granted = np.array([validation.continued or not name.endswith("_start") for name in model.problem.names])
+    declared = model.problem.declared
+    granted = np.array([validation.continued or not declared[name].starts for name in model.problem.names])
     for output, y in validation.data.measured.items():
         present = np.isfinite(y)
         present[: validation.first] = False

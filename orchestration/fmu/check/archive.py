@@ -70,14 +70,14 @@ def _documents(archive: Archive) -> Iterator[Finding]:
         yield Finding(10, "warning", "no licence (documentation/licenses/)")
     if not any(name.startswith("extra/org.fmi-standard.fmi-ls-ref/") for name in names):
         yield Finding(10, "note", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)")
-    told = names & {"documentation/externalDependencies.txt", "documentation/externalDependencies.html"}
+    documents = names & {"documentation/externalDependencies.txt", "documentation/externalDependencies.html"}
     needed = any(element.get("needsExecutionTool") in ("true", "1") for element in archive.interfaces())
-    if needed and not told:
+    if needed and not documents:
         yield Finding(
             10, "warning", "needsExecutionTool is true, but documentation/externalDependencies.txt does not say which"
         )
-    if told and not needed:
-        yield Finding(10, "warning", f"needsExecutionTool is false, but there is {sorted(told)[0]}")
+    if documents and not needed:
+        yield Finding(10, "warning", f"needsExecutionTool is false, but there is {sorted(documents)[0]}")
 
 
 def _sources(archive: Archive) -> Iterator[Finding]:

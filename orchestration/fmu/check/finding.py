@@ -8,12 +8,12 @@ from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
-_SHOWN = 8
+_MOST = 8
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing a check found.
+    """One thing that is wrong with an FMU, or worth knowing.
 
     Attributes
     ----------
@@ -34,5 +34,5 @@ class Finding:
 def listed(names: Iterable[str]) -> str:
     """Names in one line; of many only the first few."""
     names = list(names)
-    rest = len(names) - _SHOWN
-    return ", ".join(names[:_SHOWN]) + (f" and {rest} more" if rest > 0 else "")
+    more = len(names) - _MOST
+    return ", ".join(names[:_MOST]) + (f" and {more} more" if more > 0 else "")

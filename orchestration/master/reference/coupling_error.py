@@ -150,8 +150,8 @@ def coupling_error(
         for name, values in coupled.items():
             scale = np.abs(exact[name][window]).max() or 1.0
             errors.setdefault(name, []).append(float(np.abs(values - exact[name])[window].max() / scale))
-        for name, found in imbalance(couplings, coupled, options.get("extrapolation", 0)).items():
-            imbalances.setdefault(name, []).append(found.relative)
+        for name, made in imbalance(couplings, coupled, options.get("extrapolation", 0)).items():
+            imbalances.setdefault(name, []).append(made.relative)
     return CouplingError(
         np.array(steps),
         {name: np.array(values) for name, values in errors.items()},
@@ -167,11 +167,11 @@ def mechanical(system: System) -> list[Mechanical]:
     """
 
     def between(unit: str) -> dict[tuple[str, str], list[Connection]]:
-        found: dict[tuple[str, str], list[Connection]] = {}
+        pairs: dict[tuple[str, str], list[Connection]] = {}
         for c in system.connections:
             if interface(system.member(c.source.member)).outputs[c.source.variable].unit == unit:
-                found.setdefault((c.source.member, c.target.member), []).append(c)
-        return found
+                pairs.setdefault((c.source.member, c.target.member), []).append(c)
+        return pairs
 
     forces = between("N")
     return [

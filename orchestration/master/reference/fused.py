@@ -1,7 +1,7 @@
 """Fused systems: the laws of all members as one flat model, without communication steps between them.
 
-A connected input is replaced by the expression it is connected to, down to states and inputs of the system. What is
-left is a graph like that of a single component, and everything made of a graph can be made of a system: a simulation
+A connected input is replaced by the expression it is connected to, down to states and inputs of the system. The result
+is a graph like that of a single component, and everything made of a graph can be made of a system: a simulation
 in compiled C, exact sensitivities, a linearisation. Its trajectories are those to which co-simulation tends as the
 communication step goes to zero.
 

@@ -5,30 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestration.records.formats.labview import as_numbers
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table, split_header_cell
+from orchestration.records.table import Column, Table, as_numbers, split_header_cell
 
 
 def read_parquet(path: Path, content: bytes) -> Table:
-    """Read a Parquet file.
+    """Read a Parquet file; a `Reader`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    content : bytes
-        Its content.
-
-    Returns
-    -------
-    Table
-        Units from the column names ``name [unit]``, else from the fields' metadata entry ``unit``.
-
-    Raises
-    ------
-    UserError
-        If pyarrow is absent or the file is damaged.
+    Units come from the column names ``name [unit]``, else from the fields' metadata entry ``unit``. Refused: a
+    damaged file, and any if pyarrow is absent.
     """
     try:
         import pyarrow.parquet as parquet
@@ -51,24 +36,10 @@ def read_parquet(path: Path, content: bytes) -> Table:
 
 
 def read_netcdf(path: Path, content: bytes) -> Table:
-    """Read a NetCDF 3 file, such as a result of ``ppy run``.
+    """Read a NetCDF 3 file, such as a result of ``ppy run``; a `Reader`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    content : bytes
-        Its content.
-
-    Returns
-    -------
-    Table
-        One column per vector over the first dimension; units from the attribute ``units``.
-
-    Raises
-    ------
-    UserError
-        If the file is damaged or holds no vectors.
+    One column per vector over the first dimension; units come from the attribute ``units``. Refused: a damaged
+    file, and one without vectors.
     """
     from scipy.io import netcdf_file
 
@@ -86,29 +57,16 @@ def read_netcdf(path: Path, content: bytes) -> Table:
     return Table(path, columns, np.arange(1, len(columns[0].cells) + 1))
 
 
-def read_mat(path: Path) -> Table:
-    """Read a MATLAB file (version 4 to 7; not 7.3).
+def read_mat(path: Path, content: bytes) -> Table:
+    """Read a MATLAB file, version 4 to 7 but not 7.3; a `Reader`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Table
-        One column per numeric vector. Units from a variable ``units``: a struct with a text field per variable,
-        or texts ``name [unit]``.
-
-    Raises
-    ------
-    UserError
-        If the file is damaged, of version 7.3, or its vectors differ in length.
+    One column per numeric vector; units come from a variable ``units``, which is a struct with a text field per
+    variable, or texts ``name [unit]``. Refused: a damaged file, version 7.3, vectors that differ in length.
     """
     from scipy.io import loadmat
 
     try:
-        variables = loadmat(str(path), appendmat=False)
+        variables = loadmat(io.BytesIO(content))  # type: ignore[arg-type]  # a file, too, says SciPy
     except NotImplementedError:
         raise refuse(path, "this is a MATLAB 7.3 file (HDF5); save it with -v7") from None
     except Exception as error:  # the library raises whatever a damaged file trips
@@ -116,13 +74,13 @@ def read_mat(path: Path) -> Table:
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}
     units = _mat_units(path, variables.pop("units", None))
     columns: list[Column] = []
-    left_out = []
+    unread = []
     for name, value in variables.items():
         array = np.asarray(value)
         if array.dtype.kind in "biuf" and array.ndim <= 2 and array.size > 1 and array.size == max(array.shape):
             columns.append(Column(name, units.get(name), array.ravel().astype(float)))
         else:
-            left_out.append(name)
+            unread.append(name)
     if not columns:
         raise refuse(
             path, f"no numeric vector among the variables {sorted(variables)} (structs and matrices are not read)"
@@ -137,8 +95,8 @@ def read_mat(path: Path) -> Table:
                 "vectors of one record have equal length",
             )
     repairs = []
-    if left_out:
-        repairs.append(Repair("ignored columns", f"not numeric vectors, so not read: {', '.join(sorted(left_out))}"))
+    if unread:
+        repairs.append(Repair("ignored columns", f"not numeric vectors, so not read: {', '.join(sorted(unread))}"))
     return Table(path, columns, np.arange(1, len(reference.cells) + 1), repairs)
 
 

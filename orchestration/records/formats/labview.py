@@ -3,37 +3,25 @@
 import io
 import logging
 import struct
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from orchestration.records.formats.text import decode, split_line, tabulate
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table, split_header_cell
+from orchestration.records.table import Column, Table, as_numbers, split_header_cell
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 
 
 def read_lvm(path: Path, content: bytes) -> Table:
-    """Read a LabVIEW text file of one segment.
+    """Read a LabVIEW text file of one segment; a `Reader`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    content : bytes
-        Its content.
-
-    Returns
-    -------
-    Table
-        Column ``X_Value`` first (unit second), then the channels with the units of ``Y_Unit_Label``.
-
-    Raises
-    ------
-    UserError
-        If there is no header end, more than one segment, or an x column per channel.
+    Column ``X_Value`` comes first, in seconds, then the channels with the units of ``Y_Unit_Label``. Refused: no
+    end of the header, more than one segment, an X column per channel.
     """
     lines, ended, repairs = decode(path, content)
     ends = [index for index, line in enumerate(lines) if line.strip().startswith(_END)]
@@ -85,7 +73,7 @@ def read_lvm(path: Path, content: bytes) -> Table:
 
 
 def _clock_from_header(path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]) -> np.ndarray:
-    """Make the time column that ``X_Columns No`` leaves to the header's X0 and Delta_X."""
+    """Make the time column from the header's X0 and Delta_X, as ``X_Columns No`` asks for."""
     try:
         origin, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError):
@@ -99,24 +87,10 @@ def _clock_from_header(path: Path, fields: dict[str, list[str]], count: int, rep
 
 
 def read_tdms(path: Path, content: bytes) -> Table:
-    """Read a LabVIEW TDMS file.
+    """Read a LabVIEW TDMS file; a `Reader`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    content : bytes
-        Its content.
-
-    Returns
-    -------
-    Table
-        One column per channel; a time column from the waveform properties where no channel is called time.
-
-    Raises
-    ------
-    UserError
-        If npTDMS is absent, the file is damaged, or the channels differ in length or clock.
+    One column per channel; the time column is made from the waveform properties where no channel is called time.
+    Refused: a damaged file, channels that differ in length or clock, and any file if npTDMS is absent.
     """
     try:
         from nptdms import TdmsFile
@@ -158,25 +132,29 @@ def read_tdms(path: Path, content: bytes) -> Table:
             )
         columns.append(Column(name, unit, as_numbers(values)))
     if not any(column.name.lower() in ("time", "t") for column in columns):
-        steps = {
-            (float(channel.properties.get("wf_start_offset", 0.0)), float(channel.properties["wf_increment"]))
-            for channel in channels
-            if "wf_increment" in channel.properties
-        }
-        if len(steps) > 1:
-            raise refuse(
-                path,
-                f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save one per file",
-            )
-        for offset, step in steps:
-            if not step > 0:
-                raise refuse(path, f"wf_increment is {step:g} s (allowed: above 0)")
-            clock = np.asarray(offset + step * np.arange(data[0].size), dtype=np.float64)
-            columns.insert(0, Column("time", "s", clock))
-            repairs.append(
-                Repair("clock from header", f"time is {offset:g} s + k × {step:g} s, from the waveform properties")
-            )
+        columns[:0] = _waveform_clock(path, [channel.properties for channel in channels], data[0].size, repairs)
     return Table(path, columns, np.arange(1, data[0].size + 1), repairs)
+
+
+def _waveform_clock(path: Path, properties: list[Mapping[str, Any]], count: int, repairs: list[Repair]) -> list[Column]:
+    """Make the time column from waveform properties; none if there are none."""
+    steps = {
+        (float(given.get("wf_start_offset", 0.0)), float(given["wf_increment"]))
+        for given in properties
+        if "wf_increment" in given
+    }
+    if len(steps) > 1:
+        raise refuse(
+            path, f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save one per file"
+        )
+    columns = []
+    for offset, step in steps:
+        if not step > 0:
+            raise refuse(path, f"wf_increment is {step:g} s (allowed: above 0)")
+        columns.append(Column("time", "s", np.asarray(offset + step * np.arange(count), dtype=np.float64)))
+        message = f"time is {offset:g} s + k × {step:g} s, from the waveform properties"
+        repairs.append(Repair("clock from header", message))
+    return columns
 
 
 def _ends_inside_segment(content: bytes) -> bool:
@@ -186,26 +164,3 @@ def _ends_inside_segment(content: bytes) -> bool:
     while position + lead_in.size <= len(content):
         position += lead_in.size + lead_in.unpack_from(content, position)[3]
     return position != len(content)
-
-
-def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
-    """Turn an array of any type into floats, or into text cells if it holds no numbers.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Numbers, booleans, instants or objects.
-
-    Returns
-    -------
-    ndarray or list of str
-        Instants become seconds since the first one; objects become text, to be judged only if the column is used.
-    """
-    if values.dtype.kind == "M":
-        seconds = (values - values[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
-        return np.asarray(seconds, dtype=float)
-    if values.dtype.kind == "m":
-        return np.asarray(values / np.timedelta64(1, "s"), dtype=float)
-    if values.dtype.kind in "biuf":
-        return values.astype(float)
-    return ["" if value is None else str(value) for value in values]

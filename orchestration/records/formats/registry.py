@@ -1,4 +1,4 @@
-"""Which reader a file needs: told by its first bytes, so that a wrong extension does no harm."""
+"""Which reader a file needs: its first bytes say so, and a wrong extension does no harm."""
 
 from pathlib import Path
 
@@ -6,8 +6,17 @@ from orchestration.records.formats.binary import read_mat, read_netcdf, read_par
 from orchestration.records.formats.labview import read_lvm, read_tdms
 from orchestration.records.formats.text import EXPECTED, read_text
 from orchestration.records.record import refuse
-from orchestration.records.table import Table
+from orchestration.records.table import Reader, Table
 
+_SIGNATURES: dict[bytes, Reader] = {
+    b"PAR1": read_parquet,
+    b"CDF\x01": read_netcdf,
+    b"CDF\x02": read_netcdf,
+    b"TDSm": read_tdms,
+    b"MATLAB 5.0": read_mat,
+    b"LabVIEW Measurement": read_lvm,
+    b"\xef\xbb\xbfLabVIEW Measurement": read_lvm,
+}
 _BINARY_EXTENSIONS = {
     ".parquet": "a Parquet",
     ".tdms": "a TDMS",
@@ -42,20 +51,13 @@ def read_table(path: Path) -> Table:
     if not content.strip():
         raise refuse(path, f"the file is empty; {EXPECTED}")
     extension = path.suffix.lower()
-    if content.startswith(b"PAR1"):
-        return read_parquet(path, content)
-    if content.startswith((b"CDF\x01", b"CDF\x02")):
-        return read_netcdf(path, content)
-    if content.startswith(b"TDSm"):
-        return read_tdms(path, content)
-    if content.startswith((b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF")) or (
-        extension == ".mat" and b"\x00" in content[:20]
-    ):
-        if not content.startswith(b"MATLAB 5.0") and (content[512:516] == b"\x89HDF" or content.startswith(b"\x89HDF")):
-            raise refuse(path, "this is an HDF5 file (MATLAB 7.3 is one); save it from MATLAB with -v7")
-        return read_mat(path)
-    if content.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"):
-        return read_lvm(path, content)
+    for signature, reader in _SIGNATURES.items():
+        if content.startswith(signature):
+            return reader(path, content)
+    if content.startswith(b"\x89HDF") or content[512:516] == b"\x89HDF":
+        raise refuse(path, "this is an HDF5 file (MATLAB 7.3 is one); save it from MATLAB with -v7")
+    if content.startswith(b"MATLAB 7.3") or (extension == ".mat" and b"\x00" in content[:20]):
+        return read_mat(path, content)  # version 4 has no signature
     if extension in _BINARY_EXTENSIONS:
         raise refuse(path, f"this is not {_BINARY_EXTENSIONS[extension]} file, whatever its name says")
     if content.startswith((b"PK\x03\x04", b"\x1f\x8b")):

@@ -90,24 +90,9 @@ def _sniff_delimiter(header: str) -> str | None:
 
 
 def read_text(path: Path, content: bytes) -> Table:
-    """Read a CSV file.
+    """Read a CSV file; a `Reader`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    content : bytes
-        Its content.
-
-    Returns
-    -------
-    Table
-        Columns of text cells with a decimal point.
-
-    Raises
-    ------
-    UserError
-        If the file is no table of the expected form.
+    Columns are text cells with a decimal point.
     """
     lines, ended, repairs = decode(path, content)
     start = 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orchestration.experiment.waveforms import multilevel
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from orchestration.rig.emulator.physics import Physics
-from orchestration.rig.emulator.refit import left_over
+from orchestration.rig.emulator.refit import refit_residuals
 
 Array = NDArray[np.float64]
 NOISE = {"voltage": 4e-3, "displacement": 3e-6}  # V, m
@@ -55,14 +55,14 @@ class Bench:
         quiet = time < time[0] + random.uniform(2.0, 5.0)
         return cls(parameters, time, np.where(quiet, 0.0, current), np.where(quiet, bias, force), lead, outputs)
 
-    def shown(self, physics: Callable[[RigParameters], Physics]) -> dict[str, Array]:
+    def noise_free(self, physics: Callable[[RigParameters], Physics]) -> dict[str, Array]:
         """Return the measured outputs (n,) of the record, without noise."""
         rig = EmulatedRig(self.parameters, hidden=physics)
         rig.run(self.time, self.current, self.force)
         return {output: rig.truth[output][self.lead :] for output in self.outputs}
 
-    def widths(self, shown: Mapping[str, Array]) -> dict[str, float]:
-        """Return how many noise widths a refitted base leaves in every output."""
+    def widths(self, outputs: Mapping[str, Array]) -> dict[str, float]:
+        """Return the rms of the residual of a refitted base over the noise, for every noise-free output (n,)."""
         current, force = self.current[self.lead :], self.force[self.lead :]
-        residual = left_over(self.time[1] - self.time[0], current, force, shown, NOISE, self.parameters)
-        return {output: float(np.sqrt(np.mean(left**2)) / NOISE[output]) for output, left in residual.items()}
+        residuals = refit_residuals(self.time[1] - self.time[0], current, force, outputs, NOISE, self.parameters)
+        return {output: float(np.sqrt(np.mean(r**2)) / NOISE[output]) for output, r in residuals.items()}

@@ -1,4 +1,4 @@
-"""A rig to practise on: an actuator with measurement noise and, if wanted, an effect nobody told the models of.
+"""A rig to practise on: an actuator with measurement noise and, if wanted, an effect that no model knows of.
 
 It shares no code with the models, so that agreement between the two means something: the laws are in
 :mod:`orchestration.rig.emulator.physics`, with an integrator of their own.
@@ -43,7 +43,7 @@ class EmulatedRig:
     Attributes
     ----------
     truth : dict of str to ndarray, shape (n,)
-        Of the last run: voltage and displacement as sensors without noise show them, the actuator's two
+        Of the last run: voltage and displacement as sensors without noise measure them, the actuator's two
         displacements, charge.
     """
 
@@ -98,7 +98,7 @@ class EmulatedRig:
         start[0] = self.initial_charge
         run = propagate(self.physics, t, inputs, start)
         strain = self.physics.electrochemical_length(self.physics.active_charge(run.state))
-        self.truth = self.physics.shown(run, t) | {
+        self.truth = self.physics.sensed(run, t) | {
             "charge": run.state[0],
             "electrochemical_displacement": strain,
             "mechanical_displacement": self.physics.mechanical_length(run.state, inputs[1]),

@@ -1,11 +1,11 @@
-"""Hidden variations of what is shown of voltage and displacement; the actuator itself is as it was."""
+"""Hidden variations of the sensors of voltage and displacement; the actuator itself is as it was."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm
 
-from orchestration.rig.emulator.physics import Array, Physics, Run, Signals
+from orchestration.rig.emulator.physics import Array, Physics, Signals, Trajectory
 
 _BEFORE = 1e-6  # of a sample period, how far from its end the value is taken that inputs have not yet changed
 
@@ -17,15 +17,15 @@ class SluggishSensor(Physics):
     lag_output: str = "displacement"
     sensor_time: float = 0.2  # s, of both stages together
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Let the sensor follow what changes linearly from knot to knot, and jumps where inputs do."""
-        signals = super().shown(run, time)
+        signals = super().sensed(run, time)
         if self.sensor_time == 0:
             return signals
         knots = np.union1d(run.time, time)
         steps = np.diff(knots)
-        value = super().shown(run, knots)[self.lag_output]
-        slope = (super().shown(run, knots[1:] - _BEFORE * steps)[self.lag_output] - value[:-1]) / steps
+        value = super().sensed(run, knots)[self.lag_output]
+        slope = (super().sensed(run, knots[1:] - _BEFORE * steps)[self.lag_output] - value[:-1]) / steps
         rate = 2 / self.sensor_time
         system = np.array([[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
         durations, kind = np.unique(np.round(steps, 9), return_inverse=True)
@@ -38,15 +38,15 @@ class SluggishSensor(Physics):
 
 @dataclass
 class LateSensor(Physics):
-    """A sensor that shows what was, exactly; before the run all was as at its start."""
+    """A sensor that gives what was, exactly; before the run all was as at its start."""
 
     late_output: str = "displacement"
     delay: float = 0.1  # s
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Look back."""
-        late = super().shown(run, time - self.delay)[self.late_output]
-        return super().shown(run, time) | {self.late_output: late}
+        late = super().sensed(run, time - self.delay)[self.late_output]
+        return super().sensed(run, time) | {self.late_output: late}
 
 
 @dataclass
@@ -56,9 +56,9 @@ class MisscaledSensor(Physics):
     gain_output: str = "displacement"
     gain_error: float = 0.05  # relative
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Scale."""
-        signals = super().shown(run, time)
+        signals = super().sensed(run, time)
         return signals | {self.gain_output: (1 + self.gain_error) * signals[self.gain_output]}
 
 
@@ -69,9 +69,9 @@ class BiasedSensor(Physics):
     bias_output: str = "voltage"
     bias: float = 0.01  # V or m
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the bias."""
-        signals = super().shown(run, time)
+        signals = super().sensed(run, time)
         return signals | {self.bias_output: signals[self.bias_output] + self.bias}
 
 
@@ -83,8 +83,8 @@ class DriftingSensor(Physics):
     drift: float = 2e-8  # V/s or m/s, at first
     warming_time: float = 2000.0  # s
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the drift."""
-        signals = super().shown(run, time)
+        signals = super().sensed(run, time)
         drifted = -self.drift * self.warming_time * np.expm1(-np.maximum(time, 0.0) / self.warming_time)
         return signals | {self.drift_output: signals[self.drift_output] + drifted}

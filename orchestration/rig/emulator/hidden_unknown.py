@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestration.rig.emulator.physics import Array, Physics, Run, Signals
+from orchestration.rig.emulator.physics import Array, Physics, Signals, Trajectory
 
 _GRID = 0.5  # s, on which temperatures are drawn
 
@@ -18,9 +18,9 @@ class Hum(Physics):
     hum_frequency: float = 1.0  # Hz
     hum_phase: float = 0.0  # rad
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the tone, even where sampling folds it."""
-        signals, angle = super().shown(run, time), 2 * np.pi * self.hum_frequency * time + self.hum_phase
+        signals, angle = super().sensed(run, time), 2 * np.pi * self.hum_frequency * time + self.hum_phase
         tone = self.hum_amplitude * (np.sin(angle) + 0.3 * np.sin(2 * angle + 1.0))
         return signals | {self.hum_output: signals[self.hum_output] + tone}
 
@@ -32,9 +32,9 @@ class SlippingClamp(Physics):
     slip: float = 2e-5  # m, mean
     slip_seed: int = 0
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the slips so far."""
-        random, signals = np.random.default_rng(self.slip_seed), super().shown(run, time)
+        random, signals = np.random.default_rng(self.slip_seed), super().sensed(run, time)
         count = int(random.integers(3, 9))
         instants, lengths = random.uniform(0.05, 0.95, count) * run.time[-1], random.exponential(self.slip, count)
         slipped = (time[:, np.newaxis] >= instants) @ lengths
@@ -49,9 +49,9 @@ class RestlessAir(Physics):
     frame_time: float = 20.0  # s
     air_seed: int = 0
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the expansion of the frame."""
-        random, signals = np.random.default_rng(self.air_seed), super().shown(run, time)
+        random, signals = np.random.default_rng(self.air_seed), super().sensed(run, time)
         grid = np.arange(run.time[0], run.time[-1] + 2 * _GRID, _GRID)
         air = np.cumsum(random.normal(0.0, self.expansion * np.sqrt(_GRID / 60), grid.size))
         frame = np.zeros(grid.size)
@@ -68,9 +68,9 @@ class LooseContact(Physics):
     contact_dwell: float = 15.0  # s, mean
     contact_seed: int = 0
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the voltage over the contact."""
-        random, signals = np.random.default_rng(self.contact_seed), super().shown(run, time)
+        random, signals = np.random.default_rng(self.contact_seed), super().sensed(run, time)
         span = run.time[-1] - run.time[0]
         dwells = random.exponential(self.contact_dwell, 20 + 3 * int(span / self.contact_dwell))
         bad = np.searchsorted(run.time[0] + np.cumsum(dwells), time, side="right") % 2
@@ -85,8 +85,8 @@ class LooseFixture(Physics):
     fixture_compliance: float = 1e-5  # m/N
     loosening: float = 0.5  # instant, as a fraction of the run from time zero
 
-    def shown(self, run: Run, time: Array) -> Signals:
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add what the fixture yields."""
-        signals, force = super().shown(run, time), run.at(time)[1][1]
+        signals, force = super().sensed(run, time), run.at(time)[1][1]
         loose = time >= self.loosening * run.time[-1]
         return signals | {"displacement": signals["displacement"] + self.fixture_compliance * loose * force}

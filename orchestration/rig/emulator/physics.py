@@ -154,8 +154,8 @@ class Physics:
         creeping = self.creep_drive(state, force) / self.parameters.b2
         return [charging, creeping, self.flow_drive(force) / self.parameters.b1]
 
-    def shown(self, run: Run, time: Array) -> Signals:
-        """Return what sensors without noise show at increasing instants (s) of a run: voltage (V), displacement (m)."""
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
+        """Return what sensors without noise measure at increasing instants (s): voltage (V), displacement (m)."""
         state, (current, force) = run.at(time)
         elongation = self.mechanical_length(state, force) + self.electrochemical_length(self.active_charge(state))
         return {"voltage": self.terminal_voltage(state, current, force), "displacement": elongation}
@@ -169,16 +169,16 @@ def together(variations: Sequence[type[Physics]]) -> type[Physics]:
 # --- time -------------------------------------------------------------------------------------------------------------
 
 
-class Step:
-    """Advance states (order,) or (order, m) under held inputs (2,) or (2, m) by one duration (s)."""
+class Transition:
+    """Transition over one duration (s) of states (order,) or (order, m), under held inputs (2,) or (2, m)."""
 
     def __init__(self, physics: Physics, duration: float):
         self.physics, n = physics, physics.order
         self.pieces = 1 if physics.is_linear else max(1, int(np.ceil(duration / _LONGEST - 1e-6)))
         h = duration / self.pieces
-        rest = np.array(physics.rates(np.zeros(n), 0.0, 0.0))
+        at_zero = np.array(physics.rates(np.zeros(n), 0.0, 0.0))
         units = _SMALL * np.eye(n + 2)
-        columns = [(np.array(physics.rates(unit[:n], unit[n], unit[n + 1])) - rest) / _SMALL for unit in units]
+        columns = [(np.array(physics.rates(unit[:n], unit[n], unit[n + 1])) - at_zero) / _SMALL for unit in units]
         self.system = np.array(columns).T
         square = np.pad(self.system, ((0, 2), (0, 0)))
         self.whole, self.half = expm(h * square)[:n], expm(h / 2 * square)[:n]
@@ -194,16 +194,16 @@ class Step:
         first, middle, last = self.gains
         for _ in range(self.pieces):
             both = np.concatenate([state, inputs])
-            drift, left = self.half @ both, self._left_over(both)
-            a = drift + self.half_gain @ left
-            left_a = self._left_over(both_a := np.concatenate([a, inputs]))
-            left_b = self._left_over(np.concatenate([drift + self.half_gain @ left_a, inputs]))
-            c = self.half @ both_a + self.half_gain @ (2 * left_b - left)
-            left_c = self._left_over(np.concatenate([c, inputs]))
-            state = self.whole @ both + first @ left + middle @ (left_a + left_b) + last @ left_c
+            drift, nonlinear = self.half @ both, self._nonlinear(both)
+            a = drift + self.half_gain @ nonlinear
+            nonlinear_a = self._nonlinear(both_a := np.concatenate([a, inputs]))
+            nonlinear_b = self._nonlinear(np.concatenate([drift + self.half_gain @ nonlinear_a, inputs]))
+            c = self.half @ both_a + self.half_gain @ (2 * nonlinear_b - nonlinear)
+            nonlinear_c = self._nonlinear(np.concatenate([c, inputs]))
+            state = self.whole @ both + first @ nonlinear + middle @ (nonlinear_a + nonlinear_b) + last @ nonlinear_c
         return state
 
-    def _left_over(self, both: Array) -> Array:
+    def _nonlinear(self, both: Array) -> Array:
         """Return the part of the rates that is not linear."""
         n = self.physics.order
         return np.array(self.physics.rates(both[:n], both[n], both[n + 1])) - self.system @ both
@@ -219,8 +219,8 @@ def _phi(matrix: Array) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True)
-class Run:
-    """A run of the rig.
+class Trajectory:
+    """States of the rig over a run.
 
     Parameters
     ----------
@@ -244,18 +244,18 @@ class Run:
         since = np.round(np.maximum(time - self.time[sample], 0.0), 9)
         for duration in np.unique(since[since > 0]):
             late = since == duration
-            state[:, late] = Step(self.physics, duration)(state[:, late], inputs[:, late])
+            state[:, late] = Transition(self.physics, duration)(state[:, late], inputs[:, late])
         return state, inputs
 
 
-def propagate(physics: Physics, time: Array, inputs: Array, start: Array) -> Run:
-    """Run `physics` from its `start` (order,) under inputs (2, n) held from sample to sample (time (n,), s)."""
+def propagate(physics: Physics, time: Array, inputs: Array, start: Array) -> Trajectory:
+    """Trajectory `physics` from its `start` (order,) under inputs (2, n) held from sample to sample (time (n,), s)."""
     durations, kind = np.unique(np.round(np.diff(time), 12), return_inverse=True)
-    steps = [Step(physics, duration) for duration in durations]
+    transitions = [Transition(physics, duration) for duration in durations]
     state = np.empty((time.size, start.size))
     state[0], held = start, inputs.T.copy()
     for k, which in enumerate(kind.tolist()):
-        state[k + 1] = steps[which](state[k], held[k])
+        state[k + 1] = transitions[which](state[k], held[k])
     if not np.all(np.isfinite(state)):
         raise RuntimeError(f"the emulated rig failed after {time[np.argmin(np.isfinite(state).all(axis=1))]} s")
-    return Run(physics, time, inputs, state.T)
+    return Trajectory(physics, time, inputs, state.T)

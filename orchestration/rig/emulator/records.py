@@ -1,7 +1,7 @@
 """Records of the emulated rig whose hidden variation is drawn at random, scaled to what the base physics cannot follow.
 
-The size of a variation is set so that what a refitted base leaves is a wanted number of *noise widths*: the rms of the
-residual over the standard deviation of the noise, of the output where that is largest.
+The size of a variation is set so that the residual of a refitted base has a wanted number of *noise widths*: its rms
+over the standard deviation of the noise, of the output where that is largest.
 """
 
 from __future__ import annotations
@@ -169,14 +169,14 @@ def _draw(
         random = np.random.default_rng([seed, zlib.crc32(repr(ids).encode()), attempt])
         specimen = {n: _between(random, *ends) for name in ids for n, ends in _variation(name)[0].specimen.items()}
         bench = Bench.drawn(random, duration, rate, outputs, at_rest, specimen | dict(changed), spread)
-        found: list[Hidden] = []
+        hidden: list[Hidden] = []
         for name in ids:
             sized = _sized(name, bench, strength, random)
             if sized is None:
                 break
-            found.append(sized)
+            hidden.append(sized)
         else:
-            return _measured(bench, found, noise_colour, int(random.integers(2**31)))
+            return _measured(bench, hidden, noise_colour, int(random.integers(2**31)))
     raise ValueError(f"{' and '.join(ids)}: leaves too little in {', '.join(outputs)} at any plausible size")
 
 
@@ -190,12 +190,12 @@ def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int
     )  # fmt: skip
     measured = rig.run(bench.time, bench.current, bench.force)
     part = slice(bench.lead, None)
-    shown = {output: rig.truth[output][part] for output in bench.outputs}
+    noise_free = {output: rig.truth[output][part] for output in bench.outputs}
     return Drawn(
         bench.time[part],
         {"current": bench.current[part], "force": bench.force[part]},
         {output: measured[output][part] for output in bench.outputs},
-        Truth(tuple(hidden), bench.parameters, shown, bench.widths(shown)),
+        Truth(tuple(hidden), bench.parameters, noise_free, bench.widths(noise_free)),
     )
 
 
@@ -222,7 +222,7 @@ def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator
 
     def widths(size: float) -> float:
         physics = partial(variation.physics, **(values | {variation.size: sign * size}))  # type: ignore[arg-type]
-        return max(bench.widths(bench.shown(physics)).values())
+        return max(bench.widths(bench.noise_free(physics)).values())
 
     alike, wanted = output in variation.alike, float("nan")
     size: float | None = strength * _between(random, 0.1 * limit, limit)
@@ -250,14 +250,14 @@ def _search(widths: Callable[[float], float], wanted: float, limit: float, most:
         size = before[0] * (wanted / before[1]) ** (1 / power)
         if low and not low < size < high:
             size = float(np.sqrt(low * high))
-        left = widths(size)
-        if abs(left / wanted - 1) <= _CLOSE:
+        width = widths(size)
+        if abs(width / wanted - 1) <= _CLOSE:
             return size
-        low, high = (size, high) if left < wanted else (low, size)
+        low, high = (size, high) if width < wanted else (low, size)
         if high < 1.001 * low:
             return None  # a jump
-        power = float(np.clip(np.log(left / before[1]) / np.log(size / before[0]), 0.3, 3.0))
-        before = size, left
+        power = float(np.clip(np.log(width / before[1]) / np.log(size / before[0]), 0.3, 3.0))
+        before = size, width
     return None
 
 

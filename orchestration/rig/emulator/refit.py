@@ -1,4 +1,4 @@
-"""What the base physics leaves of a record without noise, however well its parameters are refitted.
+"""Residuals of the base physics, its parameters refitted, over a record without noise.
 
 The base rig is linear in all but two of its unknowns, the time constants of charging and of creep: the others follow
 from linear least squares (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
@@ -14,15 +14,15 @@ from scipy.signal import lfilter
 from orchestration.rig.emulator.physics import RigParameters
 
 Array = NDArray[np.float64]
-_PASSES = 3  # of weighing every output by the noise and what is left of it, as maximum likelihood would
+_PASSES = 3  # of weighing every output by its noise and its residual, as maximum likelihood would
 _FACTOR = 20.0  # by which a time constant may differ from where the search starts
 
 
-def left_over(
+def refit_residuals(
     period: float,
     current: Array,
     force: Array,
-    shown: Mapping[str, Array],
+    outputs: Mapping[str, Array],
     noise: Mapping[str, float],
     near: RigParameters,
 ) -> dict[str, Array]:
@@ -34,10 +34,10 @@ def left_over(
         Of sampling, s.
     current, force : ndarray, shape (n,)
         A and N, held from sample to sample.
-    shown : Mapping[str, ndarray]
+    outputs : Mapping[str, ndarray]
         Voltage (V), displacement (m) or both, shape (n,).
     noise : Mapping[str, float]
-        Standard deviations; with what is left, they weigh the outputs against each other.
+        Standard deviations; with the residuals, they weigh the outputs against each other.
     near : RigParameters
         Where the search for the time constants starts.
 
@@ -57,21 +57,20 @@ def left_over(
             "displacement": [charge, fading, force, _relaxing(force, creep, period), flow, np.ones_like(ages),
                              np.exp(-ages / creep)],
         }  # fmt: skip
-        return {output: _project(np.column_stack(explained[output]), signal) for output, signal in shown.items()}
+        return {output: _project(np.column_stack(explained[output]), signal) for output, signal in outputs.items()}
 
     def weighted(logarithms: Array, spread: Mapping[str, float]) -> Array:
-        return np.concatenate([left / spread[output] for output, left in residuals(logarithms).items()])
+        return np.concatenate([r / spread[output] for output, r in residuals(logarithms).items()])
 
-    low, high, found, spread = start - np.log(_FACTOR), start + np.log(_FACTOR), start, dict(noise)
-    for _ in range(_PASSES if len(shown) > 1 else 1):
-        found = least_squares(
-            weighted, found, bounds=(low, high), x_scale=0.1, xtol=1e-6, ftol=1e-6, args=(spread,)
+    low, high, nearest, spread = start - np.log(_FACTOR), start + np.log(_FACTOR), start, dict(noise)
+    for _ in range(_PASSES if len(outputs) > 1 else 1):
+        nearest = least_squares(
+            weighted, nearest, bounds=(low, high), x_scale=0.1, xtol=1e-6, ftol=1e-6, args=(spread,)
         ).x.clip(low + 1e-9, high - 1e-9)
         spread = {
-            output: float(np.hypot(noise[output], np.sqrt(np.mean(left**2))))
-            for output, left in residuals(found).items()
+            output: float(np.hypot(noise[output], np.sqrt(np.mean(r**2)))) for output, r in residuals(nearest).items()
         }
-    return residuals(found)
+    return residuals(nearest)
 
 
 def _relaxing(held: Array, time_constant: float, period: float) -> Array:
@@ -81,6 +80,6 @@ def _relaxing(held: Array, time_constant: float, period: float) -> Array:
 
 
 def _project(columns: Array, signal: Array) -> Array:
-    """Return what linear combinations of the columns leave of the signal."""
+    """Return the residual of the signal after regression on the columns."""
     scaled = columns / np.sqrt(np.einsum("ij,ij->j", columns, columns))
     return np.asarray(signal - scaled @ np.linalg.lstsq(scaled.T @ scaled, scaled.T @ signal, rcond=1e-13)[0])

@@ -101,9 +101,9 @@ class _Reader:
             raise self._wrong(str(error)) from error
 
     def system(self, root: Element, top: Element) -> System:
-        found = [self._member(element) for element in top.findall("ssd:Elements/*", NAMESPACES)]
-        members = {member.name: member for member in found}
-        if len(members) != len(found):
+        listed = [self._member(element) for element in top.findall("ssd:Elements/*", NAMESPACES)]
+        members = {member.name: member for member in listed}
+        if len(members) != len(listed):
             raise self._wrong("two members have one name")
         for name, value in self._bindings(top, "system"):
             owner, dot, parameter = name.partition(".")
@@ -145,22 +145,22 @@ class _Reader:
 
     def _check_outer(self, connector: Element, member: Member, port: Port) -> None:
         """Hold what a connector of the system says of itself against what it is connected with, if that is there."""
-        if (found := variables_of(member).get(port.variable)) is None:
+        if (variable := variables_of(member).get(port.variable)) is None:
             return
         try:
-            check_declared(connector, found, f"connector {connector.get('name')!r} of the system, that is {port},")
+            check_declared(connector, variable, f"connector {connector.get('name')!r} of the system, that is {port},")
         except UserError as error:
             raise self._wrong(str(error)) from error
 
     def _experiment(self, experiment: Element) -> dict[str, float]:
-        found = {}
+        times = {}
         if "stopTime" in experiment.attrib:
-            found["stop"] = self._number(experiment, "stopTime", "") - self._number(experiment, "startTime", "0")
+            times["stop"] = self._number(experiment, "stopTime", "") - self._number(experiment, "startTime", "0")
         for annotation in experiment.findall("ssd:Annotations/ssc:Annotation", NAMESPACES):
             algorithm = annotation.find("osp:Algorithm/osp:FixedStepAlgorithm", NAMESPACES)
             if annotation.get("type") == STEP and algorithm is not None:
-                found["step"] = self._number(algorithm, "baseStepSize", "")
-        return found
+                times["step"] = self._number(algorithm, "baseStepSize", "")
+        return times
 
     # --- members ----------------------------------------------------------------------------------------------------
 

@@ -41,7 +41,7 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
         An ``.ssp`` archive, replaced whole or not at all; or an ``.ssd`` description, with ``resources/`` beside it.
     connectors : bool
         Whether the inputs and outputs of the system are connectors of it, as SSP has them. libcosim and Ecos load no
-        file with connections to these; without them, inputs and outputs are told in an annotation that only we read,
+        file with connections to these; without them, inputs and outputs stand in an annotation that only we read,
         and other tools see inputs of members that nothing is connected to and that they set in their own way.
 
     Raises
@@ -169,7 +169,7 @@ def _outside(system: System, models: Mapping[str, Model], used: set[str]) -> tup
 def _component(member: Member, model: Model, inputs: Sequence[str], places: _Places, used: set[str]) -> Element:
     """Describe a member with its outputs, and those inputs that something is connected to.
 
-    fmpy fails on an input connector without a connection, so the others are left out; they can be set all the same.
+    fmpy fails on an input connector without a connection, so the others are omitted; they can be set all the same.
     """
     component = Element(
         tag("ssd:Component"), name=member.name, type=FMU, source=places.fmu, implementation="CoSimulation"

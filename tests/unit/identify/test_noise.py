@@ -1,10 +1,34 @@
-"""Claims: the order and the coefficients of noise are recognised."""
+"""The noise model against noise of known colour."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from orchestration.identify.noise import autoregression
+from orchestration.identify.noise import ORDER, Noise, autoregression, estimate, segments
+from tests.support.diagnosis import coloured
+
+EVERY = np.ones(4000, dtype=bool)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.5, 0.9])
+def test_noise_of_a_known_colour_is_found_and_whitened(colour):
+    noise = estimate(coloured(colour, 1), EVERY)
+    assert noise.deviation == pytest.approx(1.0, rel=0.05)
+    assert sum(noise.coefficients) == pytest.approx(colour, abs=0.08)
+    white = noise.whiten(coloured(colour, 2), EVERY)
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.06
+
+
+def test_a_filter_does_not_reach_over_a_gap():
+    present = EVERY.copy()
+    present[1000:1003] = False
+    assert segments(present) == [(0, 1000), (1000, 3997)]
+    jump = np.where(np.arange(3997) < 1000, 0.0, 5.0)
+    white = Noise(np.array([1.0]), 1.0).whiten(jump, present)
+    assert white.size == 3997 - 2 * ORDER
+    assert np.all(white == 0.0)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import fmus
 from fmus.kit import UserError, units
-from fmus.kit.units import base_unit, convert
+from fmus.kit.units import allowed, base_unit, convert, shown
 from tests.support.kit_samples import Thermostat
 
 
@@ -123,3 +123,14 @@ def test_angles_convert_among_themselves():
     assert units.convert(60.0, "rpm", "rad/s") == pytest.approx(2.0 * math.pi)
     assert units.convert(180.0, "deg", "rad") == pytest.approx(math.pi)
     assert units.convert(1.0, "kHz", "1/s") == pytest.approx(1000.0)
+
+
+def test_values_are_shown_in_the_unit_people_read():
+    v = {v.name: v for v in (*Thermostat.layout.variables, *fmus.component("ppy_actuator").layout.parameters)}
+    assert shown(6.8e-5, v["alpha"]) == "0.068 mm/C"
+    assert shown(295.0, v["setpoint"]) == "21.85 degC"
+    assert shown(True, v["enabled"]) == "true"
+    assert shown(3, v["stages"]) == "3"
+    assert allowed(v["heater"]) == "≥ 0 W"
+    assert allowed(v["stages"]) == "1 … 5"
+    assert allowed(v["enabled"]) == ""

@@ -12,7 +12,7 @@ import pytest
 from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
 from orchestration.master import Stopped, run
-from orchestration.master.step_control import Adaptive
+from orchestration.master.step_control import StepDoubling
 from tests.support.master.samples import build_member, ring
 
 H = 0.1
@@ -148,7 +148,7 @@ def test_ctrl_c_leaves_what_was_computed(member, how):
 
 def test_ctrl_c_is_heard_between_the_steps_that_a_tolerance_demands(member, monkeypatch):
     """One step of the system in thousands of its own: it does not go on to the end."""
-    plain, times = Adaptive._step, []
+    plain, times = StepDoubling._step, []
 
     def step(adaptive, start, end, k):
         plain(adaptive, start, end, k)
@@ -156,7 +156,7 @@ def test_ctrl_c_is_heard_between_the_steps_that_a_tolerance_demands(member, monk
         if len(times) == 30:
             os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(Adaptive, "_step", step)
+    monkeypatch.setattr(StepDoubling, "_step", step)
     system = ring(member, {"a": {"start": 1.0}, "b": {}}, "a.x -> b.u; b.x -> -1 a.u")
     result = run(system, TIME[[0, 50]], tolerance=1e-8)
     assert len(times) <= 32

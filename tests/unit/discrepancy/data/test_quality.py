@@ -12,29 +12,31 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from fmus.voice_coil_dma.model import VoiceCoilDma
-from orchestration.discrepancy.data.quality import judge
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.quality import assess
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.selection.search import Dataset
+from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.report.wording import message
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import read_record
 from orchestration.rig.emulator.bench import NOISE
 from orchestration.rig.emulator.records import UNITS, draw, write
+from tests.support.diagnosis import short_record
 
 LIMIT = 0.8  # V, of a recorder
 FEW = [EFFECTS[name] for name in ("nonlinear_leakage", "self_heating", "slack", "strain_saturation")]
 
 
 def record(seed=1, hidden=None, **options):
-    drawn = draw(hidden, seed, **{"duration": 300.0, "rate": 10.0} | options)
-    return Dataset(drawn.time, drawn.inputs, drawn.outputs)
+    return short_record(hidden, seed, **{"rate": 10.0} | options)
 
 
 def changed(data, **outputs):
     return Dataset(data.time, data.inputs, {**data.measured, **outputs})
 
 
-def kinds(findings):
-    return {(f.channel, f.kind) for f in findings}
+def kinds(faults):
+    return {(f.channel, f.kind) for f in faults}
 
 
 # --- no false alarm ---------------------------------------------------------------------------------------------------
@@ -45,14 +47,14 @@ def test_clean_records_are_clean():
     for seed in range(56):
         colour, rate, duration = (0.0, 0.9)[seed % 2], (2.0, 10.0)[seed // 2 % 2], (180.0, 600.0)[seed // 4 % 2]
         data = record(seed, noise_colour=colour, rate=rate, duration=duration, at_rest=seed % 3 > 0)
-        judged, findings = judge(data)
-        assert findings == []
-        assert all(np.array_equal(judged.measured[o], y) for o, y in data.measured.items())
+        usable, faults = assess(data)
+        assert faults == []
+        assert all(np.array_equal(usable.measured[o], y) for o, y in data.measured.items())
 
 
 @pytest.mark.parametrize("hidden", ["strain_saturation", "transport_delay", "slip_jumps", "hum", "loose_contact"])
 def test_what_a_rig_does_is_no_fault_of_the_data(hidden):
-    assert judge(record(1, hidden))[1] == []
+    assert assess(record(1, hidden))[1] == []
 
 
 @pytest.mark.parametrize("steps", [0.25, 1.0, 4.0, 12.0])
@@ -61,11 +63,11 @@ def test_a_recorder_with_steps_is_at_most_coarse(steps):
     for seed in range(8):
         data = record(seed, rate=(2.0, 10.0)[seed % 2])
         rounded = {o: np.round(y / (steps * NOISE[o])) * steps * NOISE[o] for o, y in data.measured.items()}
-        judged, findings = judge(changed(data, **rounded))
-        assert {f.kind for f in findings} <= {"quantised"}
-        assert not any(np.isnan(y).any() for y in judged.measured.values())
+        usable, faults = assess(changed(data, **rounded))
+        assert {f.kind for f in faults} <= {"quantised"}
+        assert not any(np.isnan(y).any() for y in usable.measured.values())
         if steps > 10.0:
-            assert kinds(findings) == {("voltage", "quantised"), ("displacement", "quantised")}
+            assert kinds(faults) == {("voltage", "quantised"), ("displacement", "quantised")}
 
 
 def test_a_reader_does_not_call_levels_of_an_input_clipped(tmp_path):
@@ -85,8 +87,8 @@ def test_what_a_model_does_itself_is_no_fault():
     inputs = {name: multilevel(time, [-1.0, 0.0, 0.5, 1.0], (1.0, 8.0), seed) for seed, name in enumerate(real)}
     shown = model.run(time, inputs).signals
     data = Dataset(time, inputs, {o.name: shown[o.name] for o in model.layout.outputs})
-    assert ("coil_voltage", "clipped") in kinds(judge(data)[1])
-    assert judge(data, data.measured)[1] == []
+    assert ("coil_voltage", "clipped") in kinds(assess(data)[1])
+    assert assess(data, data.measured)[1] == []
 
 
 # --- faults -----------------------------------------------------------------------------------------------------------
@@ -99,15 +101,15 @@ def test_a_clipped_output_is_left_out_where_it_is_clipped(colour, rate):
         data = record(seed, noise_colour=colour, rate=rate)
         cut = np.abs(data.measured["voltage"]) >= LIMIT
         voltage = np.clip(data.measured["voltage"], -LIMIT, LIMIT)
-        judged, findings = judge(changed(data, voltage=voltage))
-        assert kinds(findings) <= {("voltage", "clipped")}
-        left_out = np.isnan(judged.measured["voltage"])
-        ends = {np.sign(voltage[f.first]) for f in findings}
+        usable, faults = assess(changed(data, voltage=voltage))
+        assert kinds(faults) <= {("voltage", "clipped")}
+        left_out = np.isnan(usable.measured["voltage"])
+        ends = {np.sign(voltage[f.first]) for f in faults}
         known = cut & np.isin(np.sign(voltage), list(ends))
         assert left_out[known].all()
         assert (cut & ~known).sum() < 0.02 * cut.size  # an end that is hardly reached
         assert (left_out & ~cut).sum() <= 0.05 * cut.sum()  # noise has spared them; they lie between clipped ones
-        assert sum(f.share for f in findings) == pytest.approx(left_out.mean())
+        assert sum(f.share for f in faults) == pytest.approx(left_out.mean())
 
 
 @pytest.mark.parametrize("value", ["last", "zero"])
@@ -116,19 +118,19 @@ def test_a_sensor_that_dies_is_left_out_from_then_on(value):
     dies = round(0.6 * data.time.size)
     displacement = data.measured["displacement"].copy()
     displacement[dies:] = displacement[dies] if value == "last" else 0.0
-    judged, (finding,) = judge(changed(data, displacement=displacement))
-    assert (finding.kind, finding.first, finding.last) == ("dead", dies, data.time.size - 1)
-    assert finding.start == data.time[dies]
-    assert np.array_equal(np.isnan(judged.measured["displacement"]), np.arange(data.time.size) >= dies)
+    usable, (fault,) = assess(changed(data, displacement=displacement))
+    assert (fault.kind, fault.first, fault.last) == ("dead", dies, data.time.size - 1)
+    assert fault.start == data.time[dies]
+    assert np.array_equal(np.isnan(usable.measured["displacement"]), np.arange(data.time.size) >= dies)
 
 
 def test_a_sensor_that_hangs_for_a_while_is_left_out_there():
     data = record()
     displacement = data.measured["displacement"].copy()
     displacement[1000:1400] = displacement[1000]
-    judged, (finding,) = judge(changed(data, displacement=displacement))
-    assert (finding.kind, finding.first, finding.last) == ("stuck", 1000, 1399)
-    assert np.isnan(judged.measured["displacement"]).sum() == 400
+    usable, (fault,) = assess(changed(data, displacement=displacement))
+    assert (fault.kind, fault.first, fault.last) == ("stuck", 1000, 1399)
+    assert np.isnan(usable.measured["displacement"]).sum() == 400
 
 
 @pytest.mark.parametrize("dead", ["constant", "toggling"])
@@ -136,12 +138,13 @@ def test_a_sensor_that_is_dead_from_the_start_is_not_used(dead):
     data = record()
     toggling = np.random.default_rng(1).integers(0, 2, data.time.size)
     displacement = 1e-6 * (toggling if dead == "toggling" else np.ones(data.time.size))
-    judged, (finding,) = judge(changed(data, displacement=displacement))
-    assert (finding.channel, finding.kind, finding.share) == ("displacement", "dead", 1.0)
-    assert list(judged.measured) == ["voltage"]
-    nothing, findings = judge(Dataset(data.time, data.inputs, {"displacement": displacement}))
+    usable, (fault,) = assess(changed(data, displacement=displacement))
+    assert (fault.channel, fault.kind, fault.share) == ("displacement", "dead", 1.0)
+    assert list(usable.measured) == ["voltage"]
+    nothing, faults = assess(Dataset(data.time, data.inputs, {"displacement": displacement}))
     assert nothing.measured == {}
-    assert findings[-1].message == "no output is left that could be trusted: nothing can be judged"
+    assert faults[-1].code is NoteCode.NOTHING_USABLE
+    assert message(faults[-1].note) == "no output is left that could be trusted: nothing can be judged"
 
 
 def test_single_samples_far_away_are_left_out():
@@ -150,26 +153,26 @@ def test_single_samples_far_away_are_left_out():
     which = np.random.default_rng(1).choice(np.flatnonzero(still)[5:-5:5], 12, replace=False)
     displacement = data.measured["displacement"].copy()
     displacement[which] += 2e-4
-    judged, (finding,) = judge(changed(data, displacement=displacement))
-    assert finding.kind == "outlier"
-    assert set(np.flatnonzero(np.isnan(judged.measured["displacement"]))) == set(which)
+    usable, (fault,) = assess(changed(data, displacement=displacement))
+    assert fault.kind == "outlier"
+    assert set(np.flatnonzero(np.isnan(usable.measured["displacement"]))) == set(which)
 
 
 def test_a_smooth_signal_that_is_cut_needs_no_noise_to_be_seen():
     time = 0.1 * np.arange(2000)
     wave = np.sin(0.3 * time)
-    judged, findings = judge(Dataset(time, {"u": wave}, {"y": np.clip(wave, -1.0, 0.7)}))
-    assert kinds(findings) == {("y", "clipped")}
-    assert np.array_equal(np.isnan(judged.measured["y"]), wave >= 0.7)
-    assert judge(Dataset(time, {"u": wave}, {"y": wave}))[1] == []
+    usable, faults = assess(Dataset(time, {"u": wave}, {"y": np.clip(wave, -1.0, 0.7)}))
+    assert kinds(faults) == {("y", "clipped")}
+    assert np.array_equal(np.isnan(usable.measured["y"]), wave >= 0.7)
+    assert assess(Dataset(time, {"u": wave}, {"y": wave}))[1] == []
 
 
 def test_gaps_stay_gaps():
     data = record()
     voltage = np.clip(data.measured["voltage"], -LIMIT, LIMIT)
     voltage[100:200] = np.nan
-    judged, _ = judge(changed(data, voltage=voltage))
-    assert np.isnan(judged.measured["voltage"][100:200]).all()
+    usable, _ = assess(changed(data, voltage=voltage))
+    assert np.isnan(usable.measured["voltage"][100:200]).all()
 
 
 # --- excitation -------------------------------------------------------------------------------------------------------
@@ -178,11 +181,13 @@ def test_gaps_stay_gaps():
 def test_inputs_that_do_not_move_are_told():
     data = record()
     still = {**data.inputs, "force": np.full(data.time.size, 0.5)}
-    _, (finding,) = judge(Dataset(data.time, still, data.measured))
-    assert finding.message.startswith("force: constant at 0.5 throughout: what only answers to its changes cannot be")
-    assert not finding.left_out
-    _, findings = judge(Dataset(data.time, {n: 0.0 * u for n, u in data.inputs.items()}, data.measured))
-    assert findings[-1].message.startswith("no input moves: neither a cause nor a parameter can be judged")
+    _, (fault,) = assess(Dataset(data.time, still, data.measured))
+    assert (fault.code, fault.facts) == (NoteCode.CONSTANT_INPUT, {"value": 0.5})
+    assert message(fault.note).startswith("force: constant at 0.5 throughout: what only answers to its changes cannot")
+    assert not fault.left_out
+    _, faults = assess(Dataset(data.time, {n: 0.0 * u for n, u in data.inputs.items()}, data.measured))
+    assert faults[-1].code is NoteCode.NO_EXCITATION
+    assert message(faults[-1].note).startswith("no input moves: neither a cause nor a parameter can be judged")
 
 
 # --- no model is blamed -----------------------------------------------------------------------------------------------
@@ -197,12 +202,12 @@ def test_a_fault_of_the_data_is_no_cause(fault):
     else:
         first = round(0.6 * data.time.size) if fault == "dead" else 0
         outputs["displacement"][first:] = outputs["displacement"][first]
-    judged, findings = judge(changed(data, **outputs))
-    assert findings
-    found = diagnose(PpyActuator, judged, FEW)
-    assert found.causes == []
-    assert found.verdict == "recalibrate"  # the rig is off nominal by up to 15 %
+    usable, faults = assess(changed(data, **outputs))
+    assert faults
+    diagnosis = diagnose(PpyActuator, usable, FEW)
+    assert diagnosis.causes == []
+    assert diagnosis.verdict == "recalibrate"  # the rig is off nominal by up to 15 %
     if fault == "clipped":
-        low, high = found.estimates["R1"].interval
+        low, high = diagnosis.estimates["R1"].interval
         truth = draw(None, 1, duration=300.0, rate=10.0).truth.parameters
         assert low < truth.R1 < high

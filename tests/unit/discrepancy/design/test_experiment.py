@@ -1,4 +1,4 @@
-"""Claims: a designed experiment keeps to the limits, runs, tells rivals apart, and its expected evidence comes true.
+"""Claims: a designed experiment keeps to the limits, runs, tells alternatives apart, and its evidence is as expected.
 
 The oracle is the emulated rig, which shares no code with the models: it makes the designed experiment with the one or
 the other variation hidden, and both models are fitted to what it measures.
@@ -17,13 +17,15 @@ from fmus.kit.errors import UserError
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidates.candidate import Candidate, own_parameters
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.design.expected_evidence import _covariance, at_rest, linearised, respond
+from orchestration.discrepancy.design.expected_evidence import _covariance, at_rest, expected_delta_bic_linear, respond
 from orchestration.discrepancy.design.experiment import ENOUGH, design
 from orchestration.discrepancy.design.stimuli import Stimulus, limits_of_inputs
 from orchestration.discrepancy.diagnosis import diagnose, searched
-from orchestration.discrepancy.selection.search import Dataset, FittedCandidate
-from orchestration.discrepancy.selection.stepwise import RIVAL, Selection, Step
+from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.selection.stepwise import ALTERNATIVE, Selection, Step
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.experiment.waveforms import steps
@@ -65,42 +67,42 @@ def fitted(data, effect=None):
     problem = Problem(
         candidate.cls, part.time, part.inputs, part.measured, [*physical, *candidate.parameters], {}
     )  # fmt: skip
-    believed = np.array([n in physical and not n.endswith("_start") for n in problem.names])
+    believed = np.array([n in physical and not problem.declared[n].starts for n in problem.names])
     begin = {own_parameters(EFFECTS[effect])[0]: 0.1} if effect else {}
     return FittedCandidate(candidate, problem, fit(problem, problem.position(problem.start | begin), None, believed))
 
 
 @cache
-def rivals(hidden):
+def ambiguous(hidden):
     """The dull record, and an ambiguous verdict on it."""
     data = measured(hidden, TIME, DULL)
-    right, wrong = (fitted(data, name) for name in sorted(HIDDEN, key=lambda name: name != hidden))
-    return data, Selection(fitted(data), [Step(right, 0.0, 0.0, [wrong], [])])
+    true_model, candidate = (fitted(data, name) for name in sorted(HIDDEN, key=lambda name: name != hidden))
+    return data, Selection(fitted(data), [Step(true_model, 0.0, 0.0, [candidate], [])])
 
 
 @cache
 def designed(hidden):
-    data, found = rivals(hidden)
-    return design(found, data, LIMITS, HIGHEST)
+    data, selection = ambiguous(hidden)
+    return design(selection, data, LIMITS, HIGHEST)
 
 
-def figure(separation, right):
-    return next(e.bic for e in separation.expected if e.right == right)
+def figure(experiment, true_model):
+    return next(e.bic for e in experiment.expected if e.true_model == true_model)
 
 
 @pytest.mark.parametrize("hidden", HIDDEN)
 def test_what_a_dull_record_cannot_tell_apart_the_designed_experiment_does(hidden):
-    _, found = rivals(hidden)
-    (step,) = found.steps
-    assert abs(step.alternatives[0].fit.bic - step.chosen.fit.bic) < RIVAL
-    separation = designed(hidden)
-    assert separation.is_worthwhile
-    time = separation.step * np.arange(round(separation.duration / separation.step) + 1)
-    inputs = {name: stimulus.values(time) for name, stimulus in separation.stimuli.items()}
+    _, selection = ambiguous(hidden)
+    (step,) = selection.steps
+    assert abs(step.alternatives[0].fit.bic - step.chosen.fit.bic) < ALTERNATIVE
+    experiment = designed(hidden)
+    assert experiment.is_worthwhile
+    time = experiment.step * np.arange(round(experiment.duration / experiment.step) + 1)
+    inputs = {name: stimulus.values(time) for name, stimulus in experiment.stimuli.items()}
     record = measured(hidden, time, inputs, seed=2)
     (other,) = set(HIDDEN) - {hidden}
     seen = fitted(record, other).fit.bic - fitted(record, hidden).fit.bic
-    assert 0.5 < seen / figure(separation, hidden) < 2.0
+    assert 0.5 < seen / figure(experiment, hidden) < 2.0
     named = diagnose(PpyActuator, record, [EFFECTS[name] for name in HIDDEN])
     assert named.causes[:1] == [hidden]
     assert named.selection.steps[0].alternatives == []
@@ -108,11 +110,11 @@ def test_what_a_dull_record_cannot_tell_apart_the_designed_experiment_does(hidde
 
 @pytest.mark.parametrize("hidden", HIDDEN)
 def test_the_limits_of_the_rig_are_kept(hidden):
-    separation = designed(hidden)
-    assert separation.duration == pytest.approx(TIME[-1])
-    time = np.arange(0.0, separation.duration, 0.001)
+    experiment = designed(hidden)
+    assert experiment.duration == pytest.approx(TIME[-1])
+    time = np.arange(0.0, experiment.duration, 0.001)
     for name, (low, high) in LIMITS.items():
-        values = separation.stimuli[name].values(time)
+        values = experiment.stimuli[name].values(time)
         assert low <= values.min()
         assert values.max() <= high
         jumps = time[1:][np.abs(np.diff(values)) > 0.1]
@@ -120,56 +122,60 @@ def test_the_limits_of_the_rig_are_kept(hidden):
 
 
 def test_the_experiment_runs_as_it_is_written(tmp_path):
-    separation = designed("double_layer")
+    experiment = designed("double_layer")
     path = tmp_path / "separate.toml"
-    path.write_text(separation.toml("ppy_actuator"), encoding="utf-8")
+    path.write_text(experiment.toml("ppy_actuator", "what for"), encoding="utf-8")
     result = run(read(str(path)))
     time = result.time.to_numpy()
     assert time[-1] == pytest.approx(TIME[-1])
-    for name, stimulus in separation.stimuli.items():
+    for name, stimulus in experiment.stimuli.items():
         assert np.array_equal(result[name].to_numpy(), stimulus.values(time))
-    model = separation.model
-    inputs = {name: stimulus.values(time) for name, stimulus in separation.stimuli.items()}
+    model = experiment.model
+    inputs = {name: stimulus.values(time) for name, stimulus in experiment.stimuli.items()}
     expected = respond(model, time, inputs, at_rest(model)).signals
     for output, values in expected.items():
         assert np.abs(result[output].to_numpy() - values).max() < 1e-5 * np.ptp(values)
     comments = [line for line in path.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
-    for e in separation.expected:
-        assert f"#   if {e.right} is right, against {e.wrong} refitted: {e.bic:.1f}" in comments
+    assert comments[0] == "# what for"
+    for e in experiment.expected:
+        assert f"#   if {e.true_model} is right, against {e.candidate} refitted: {e.bic:.1f}" in comments
     assert "# Limits kept: current -1.3 to 1.3 A; force 0 to 3 N." in comments
 
 
 def test_what_no_experiment_tells_apart_is_said():
-    data, found = rivals("double_layer")
-    separation = design(found, data, {"current": (0.0, 0.0)}, HIGHEST)
-    assert separation.least < ENOUGH
-    assert not separation.is_worthwhile
-    assert separation.sentence().startswith("No experiment within these limits that was looked at tells")
-    assert tomllib.loads(separation.toml("ppy_actuator"))["inputs"]["current"]["value"] == "0.0 A"
+    data, selection = ambiguous("double_layer")
+    experiment = design(selection, data, {"current": (0.0, 0.0)}, HIGHEST)
+    assert experiment.least < ENOUGH
+    assert not experiment.is_worthwhile
+    assert wording.experiment(experiment).startswith("No experiment within these limits that was looked at tells")
+    assert tomllib.loads(experiment.toml("ppy_actuator", "what for"))["inputs"]["current"]["value"] == "0.0 A"
 
 
 def test_without_rivals_every_input_is_moved():
-    data, found = rivals("double_layer")
-    separation = design(Selection(found.base), data, LIMITS, HIGHEST)
-    assert separation.expected == []
-    assert {s.kind for s in separation.stimuli.values()} == {"multilevel"}
-    assert tomllib.loads(separation.toml("ppy_actuator"))["component"] == "ppy_actuator"
+    data, selection = ambiguous("double_layer")
+    experiment = design(Selection(selection.base), data, LIMITS, HIGHEST)
+    assert experiment.expected == []
+    assert {s.kind for s in experiment.stimuli.values()} == {"multilevel"}
+    assert tomllib.loads(experiment.toml("ppy_actuator", "what for"))["component"] == "ppy_actuator"
 
 
 def test_limits_that_nobody_gave_are_what_the_record_shows():
-    data, found = rivals("double_layer")
-    assert limits_of_inputs(found.base, data, {"force": (0.0, 3.0)}) == {"current": (-0.2, 0.4), "force": (0.0, 3.0)}
+    data, selection = ambiguous("double_layer")
+    assert limits_of_inputs(selection.base, data, {"force": (0.0, 3.0)}) == {
+        "current": (-0.2, 0.4),
+        "force": (0.0, 3.0),
+    }
     with pytest.raises(UserError, match="limits of voltage: there is no such input; there are current, force"):
-        design(found, data, {"voltage": (0.0, 1.0)})
+        design(selection, data, {"voltage": (0.0, 1.0)})
     with pytest.raises(UserError, match="limits of force: 3 to 0 N leaves nothing"):
-        design(found, data, {"force": (3.0, 0.0)})
+        design(selection, data, {"force": (3.0, 0.0)})
 
 
 def test_a_model_expects_nothing_against_itself():
-    _, found = rivals("diffusion")
-    model = found.steps[0].chosen
+    _, selection = ambiguous("diffusion")
+    model = selection.steps[0].chosen
     shown = respond(model, TIME, DULL, at_rest(model))
-    assert linearised(model, model, shown, shown) == pytest.approx(0.0, abs=1.0)
+    assert expected_delta_bic_linear(model, model, shown, shown) == pytest.approx(0.0, abs=1.0)
 
 
 def test_the_covariance_of_noise_is_that_of_its_samples():

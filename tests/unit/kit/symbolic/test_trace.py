@@ -23,7 +23,7 @@ def point(cls, seed):
     values = {}
     for v in cls.layout.parameters:
         near = v.start * rng.uniform(0.5, 2.0) + (
-            rng.normal() * rng.choice([1.0, 10.0]) * v.nominal if v.start == 0 or v.name.endswith("_start") else 0.0
+            rng.normal() * rng.choice([1.0, 10.0]) * v.nominal if v.start == 0 or v.starts is not None else 0.0
         )
         values[v.name] = float(np.clip(near, v.min, v.max))
     for group in (cls.layout.inputs, cls.layout.states, cls.layout.discretes):

@@ -17,6 +17,7 @@ from orchestration.discrepancy.data.holdout import HELD_OUT
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
 from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import diagnose, searched
+from orchestration.discrepancy.report import system_summary
 from orchestration.discrepancy.report.wording import sentence
 from orchestration.discrepancy.residuals.lines import LevelShift, SpectralLine
 from orchestration.discrepancy.selection.search import Dataset, Search
@@ -92,7 +93,7 @@ def test_the_fields_documented_are_those_written(written):
 def test_the_fields_documented_of_a_system_are_those_written(tmp_path):
     saturation = {"actuator.strain_saturation_coefficient": 0.3}
     found = watched(tmp_path, hidden=EFFECTS["strain_saturation"], values=saturation)
-    written = json.loads(json.dumps(found.as_json(), allow_nan=False))
+    written = json.loads(json.dumps(system_summary.summary(found), allow_nan=False))
     assert {path for path, _ in fields(written)} == set(documented(system=True))
 
 

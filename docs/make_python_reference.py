@@ -1,0 +1,143 @@
+"""Make the page of the Python interface from the docstrings of ``orchestration``, its front door.
+
+``python docs/make_python_reference.py`` writes it anew. The docstrings are numpydoc, which ruff holds them to, so that
+their sections can be told by the underlined headings alone; numpydoc itself would bring Sphinx along for that.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "reference" / "python.md"
+INTRODUCTION = """# Python
+
+```python
+import orchestration as ppy
+```
+
+Everything that the command does, as functions. Made from the docstrings by `docs/make_python_reference.py`; the
+examples are run by the tests.
+"""
+_FIELDS = ("Parameters", "Attributes", "Returns", "Yields", "Raises")
+
+
+def public() -> dict[str, Any]:
+    """What the front door offers, by name."""
+    import orchestration
+
+    return {name: getattr(orchestration, name) for name in orchestration.__all__}
+
+
+def results(things: Mapping[str, Any]) -> dict[str, type]:
+    """Classes of ours that functions return, and after them those of their attributes, by name."""
+    found: dict[str, type] = {}
+    newest = dict(things)
+    for _ in range(2):
+        newest = {name: cls for thing in newest.values() for name, cls in named_types(thing) if name not in found}
+        found |= newest
+    return {name: cls for name, cls in found.items() if name not in things}
+
+
+def named_types(thing: Any) -> Iterator[tuple[str, type]]:
+    """Classes of ours that a function says it returns, or that a class says its attributes are."""
+    if inspect.isclass(thing):
+        attributes = fields(sections(inspect.getdoc(thing) or "").get("Attributes", ""))
+        kinds = [*(kind for _, kind, _ in attributes), *map(str, inspect.get_annotations(thing).values())]
+    else:
+        kinds = [str(inspect.signature(thing).return_annotation)]
+    for word in re.findall(r"\w+", " ".join(kinds)):
+        cls = vars(sys.modules[thing.__module__]).get(word)
+        if inspect.isclass(cls) and cls.__module__.startswith("orchestration."):
+            yield word, cls
+
+
+def sections(docstring: str) -> dict[str, str]:
+    """Text of a numpydoc docstring by section; what stands before the first heading is under the empty name."""
+    first, *others = re.split(r"^(\w[\w ]*)\n-{3,}\n", inspect.cleandoc(docstring), flags=re.M)
+    named = zip(others[::2], others[1::2], strict=True)
+    return {"": first.strip()} | {name: text.strip("\n") for name, text in named}
+
+
+def fields(text: str) -> Iterator[tuple[str, str, str]]:
+    """Name, type and meaning of each entry of a section; what has no name of its own has the type alone."""
+    for entry in re.split(r"\n(?=\S)", text):
+        head, _, meaning = entry.partition("\n")
+        name, colon, kind = head.partition(" : ")
+        yield (name, kind, inspect.cleandoc(meaning)) if colon else ("", head, inspect.cleandoc(meaning))
+
+
+def markdown(text: str) -> str:
+    """Prose of a docstring: its code in single backticks, its references without their roles."""
+    text = re.sub(r":\w+:`~?\.?([^`]+)`", r"`\1`", text)
+    return re.sub(r"``(.+?)``", r"`\1`", text)
+
+
+def described(heading: str, text: str) -> Iterator[str]:
+    """Lines of a section."""
+    if heading in _FIELDS:
+        yield f"**{heading}**\n"
+        for name, kind, meaning in fields(text):
+            named = f"`{name}` : {kind}" if name else f"`{kind}`" if heading == "Raises" else kind
+            yield "\n  ".join(f"* {named}\n{markdown(meaning)}".rstrip().split("\n"))
+        yield ""
+    elif heading == "Examples":
+        yield f"```pycon\n{text}\n```\n"
+    else:
+        yield f"**{heading}**\n\n{markdown(text)}\n"
+
+
+def entry(name: str, thing: Any, level: int = 2) -> Iterator[str]:
+    """Lines on a function, a class with its own public methods and properties, or any of these."""
+    yield f"{'#' * level} {name}\n"
+    if callable(thing):
+        yield f"```python\n{name}{signature(thing)}\n```\n"
+    parts = sections(inspect.getdoc(thing) or "")
+    yield f"{markdown(parts.pop(''))}\n"
+    for heading, text in parts.items():
+        yield from described(heading, text)
+    if inspect.isclass(thing):
+        for own, below in vars(thing).items():
+            below = getattr(thing, own) if isinstance(below, classmethod | staticmethod) else below
+            if not own.startswith("_") and (inspect.isroutine(below) or isinstance(below, property)):
+                yield from entry(f"{name}.{own}", below, level + 1)
+
+
+def signature(thing: Any) -> str:
+    """Names and defaults of the arguments; their types stand in the sections."""
+    arguments = list(inspect.signature(thing).parameters.values())
+    if arguments and arguments[0].name == "self":
+        del arguments[0]
+    plain = []
+    for p in arguments:
+        unwritable = p.default is not p.empty and repr(p.default).startswith("<")
+        plain.append(p.replace(annotation=p.empty, default=... if unwritable else p.default))
+    text = str(inspect.Signature(plain)).replace("Ellipsis", "...").replace("'", '"')
+    return text if len(text) < 90 else text.replace("(", "(\n    ", 1).replace(", ", ",\n    ")[:-1] + ",\n)"
+
+
+def listed(names: Iterable[str], before: Iterable[str] = ()) -> str:
+    """List names with links to their headings; a heading that another is equal to but for its case gets a number."""
+    taken = {name.lower() for name in before}
+    links = {name: f"{name.lower()}{'-1' * (name.lower() in taken)}" for name in names}
+    return ", ".join(f"[`{name}`](#{link})" for name, link in links.items())
+
+
+def page(things: Mapping[str, Any]) -> str:
+    """Make the page of some things, by the names under which they are offered, and of what they return."""
+    returned = results(things)
+    lines = [INTRODUCTION, listed(things), ""]
+    lines += [line for name, thing in things.items() for line in entry(name, thing)]
+    if returned:
+        lines += ["## What they return\n", listed(returned, things), ""]
+        lines += [line for name, cls in returned.items() for line in entry(name, cls, 3)]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(public()), encoding="utf-8")

@@ -1,0 +1,102 @@
+"""``ppy diagnose`` as it is called: what it takes, and whether it is about one model or about a system."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orchestration.cli.options import (
+    Json,
+    Map,
+    Platforms,
+    Record,
+    Set,
+    With,
+    comma_list,
+    complete_components,
+    complete_effects,
+    option,
+    platform_list,
+)
+from orchestration.cli.outputs import standard_output_for
+
+
+def diagnose(
+    record: Record,
+    model: Annotated[
+        str | None,
+        option(
+            "--model",
+            metavar="MODEL",
+            help="A component (see ppy list), path/to/file.py:Class, or an FMU built from these; default ppy_actuator.",
+            autocompletion=complete_components,
+        ),
+    ] = None,
+    laid_over: With = None,
+    mapping: Map = None,
+    settings: Set = None,
+    effects: Annotated[
+        str | None,
+        option(
+            "--effects",
+            help="Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates.",
+            autocompletion=complete_effects,
+        ),
+    ] = None,
+    interpolate: Annotated[
+        bool, typer.Option("--interpolate", help="Inputs go linearly between samples; default each is held.")
+    ] = False,
+    hold: Annotated[
+        str | None, option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set.")
+    ] = None,
+    holdout: Annotated[
+        Path | None, option("--holdout", help="Another record to judge by; default the last third of the record.")
+    ] = None,
+    result: Json = None,
+    report: Annotated[
+        Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")
+    ] = None,
+    fmu: Annotated[
+        Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
+    ] = None,
+    platforms: Platforms = None,
+    experiment: Annotated[
+        Path | None, option("--experiment", help="Experiment (.toml) that would tell rivals apart, for ppy run.")
+    ] = None,
+    system: Annotated[
+        Path | None,
+        option("--system", metavar="S.ssp", help="Judge every member of a system alone, cut where it was measured."),
+    ] = None,
+) -> None:
+    """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen."""
+    if system is not None:
+        from orchestration.cli import diagnose_system
+
+        others = {
+            "--model": model,
+            "--with": laid_over,
+            "--effects": effects,
+            "--interpolate": interpolate or None,
+            "--hold": hold,
+            "--holdout": holdout,
+            "--report": report,
+            "--fmu": fmu,
+            "--platforms": platforms,
+            "--experiment": experiment,
+        }
+        with standard_output_for(result):
+            diagnose_system.run(record, system, mapping or [], settings or [], result, others)
+        return
+    from orchestration.cli import diagnose as one_model
+
+    files = one_model.Files(record, holdout, result, report, fmu, experiment, platform_list(platforms))
+    named = comma_list(effects)
+    considered = None if not named else [] if named == ["none"] else named
+    with standard_output_for(result):
+        one_model.run(
+            files, model or "ppy_actuator", mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
+            comma_list(hold), interpolate, comma_list(laid_over),
+        )  # fmt: skip

@@ -1,0 +1,155 @@
+"""``ppy info``: what one needs to know of a model to use it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from orchestration.cli.options import Json, Model, With, comma_list
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+
+if TYPE_CHECKING:
+    from fmus.kit import Component, Effect
+    from orchestration.fmu.signal import Signal
+
+
+def info(model: Model, effects: With = None, result: Json = None) -> None:
+    """Show a model's variables, units, defaults, ranges, effects, and where they come from."""
+    from orchestration.cli.models import model_file
+
+    Outputs({"the model": model_file(model)}, {"--json": result}, {"--json": JSON}).check()
+    known = _facts(model, comma_list(effects))
+    with standard_output_for(result):
+        _show(known)
+        write_json(result, _as_json(known))
+
+
+class _Facts(NamedTuple):
+    """What is known of a model; of an FMU without equations the first half."""
+
+    name: str
+    summary: str
+    signals: Mapping[str, Sequence[Signal]]
+    step: float | None = None
+    remarks: Sequence[str] = ()
+    tolerance: float | None = None
+    sources: Mapping[str, str] = {}
+    presets: Mapping[str, str] = {}
+    made_from: str = ""
+    laid_over: Sequence[str] = ()
+    effects: Sequence[type[Effect]] = ()
+
+
+def _facts(name: str, effects: Sequence[str]) -> _Facts:
+    from fmus import COMPONENTS
+    from orchestration.fmu.archive import read_description
+    from orchestration.fmu.model import find_class, find_model, names_class
+    from orchestration.reporting.console import note
+
+    if effects or name in COMPONENTS or names_class(name):
+        return _of_class(name, find_class(name, effects))
+    model = find_model(name)
+    for text in model.notes:
+        note(text)
+    if model.cls is not None:
+        return _of_class(name, model.cls)
+    described = read_description(model.path)
+    step = getattr(described.defaultExperiment, "stepSize", None)
+    groups = {"inputs": model.inputs, "outputs": model.outputs, "parameters": model.parameters}
+    signals = {group: list(signals.values()) for group, signals in groups.items()}
+    return _Facts(name, described.description or "", signals, float(step) if step else None)
+
+
+def _of_class(name: str, cls: type[Component]) -> _Facts:
+    from fmus.kit.build.provenance import effect_name
+    from orchestration.fmu.effects import known_effects
+    from orchestration.fmu.signal import declared_signal
+
+    layout = cls.layout
+    groups = {"inputs": layout.inputs, "outputs": layout.measurable, "parameters": layout.parameters}
+    base, stacked = vars(cls).get("stacked", (cls, ()))
+    there = [effect_name(effect) for effect in stacked]
+    return _Facts(
+        name, (cls.__doc__ or "").strip().splitlines()[0] if cls.__doc__ else "",
+        {group: [declared_signal(v) for v in variables] for group, variables in groups.items()},
+        cls.experiment[1], cls.remark.splitlines(), cls.tolerance,
+        {p.name: p.source for p in layout.parameters if p.source},
+        {preset: about.doc for preset, about in cls.presets.items()},
+        base.name, there, [effect for n, effect in known_effects(cls).items() if n not in there],
+    )  # fmt: skip
+
+
+def _relaxes(effect: type[Effect]) -> str:
+    assumption = effect.assumption
+    return f"assumption {assumption}" if isinstance(assumption, int) else assumption
+
+
+def _as_json(known: _Facts) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    signals = {
+        group: [asdict(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {}) for s in among]
+        for group, among in known.signals.items()
+    }
+    return {
+        "name": known.name, "summary": known.summary, **signals, "presets": dict(known.presets),
+        "made_from": known.made_from or None, "with": list(known.laid_over), "remarks": list(known.remarks),
+        "effects": [
+            {"id": e.id, "output": e.output or None, "summary": _first_line(e), "parameter": e.neutral,
+             "relaxes": _relaxes(e)}
+            for e in known.effects
+        ],
+        "step": known.step, "tolerance": known.tolerance,
+    }  # fmt: skip
+
+
+def _first_line(effect: type[Effect]) -> str:
+    return (effect.__doc__ or "").strip().split("\n")[0].replace("``", "").rstrip(".")
+
+
+def _show(known: _Facts) -> None:
+    from rich.text import Text
+
+    from fmus.kit.units import allowed, shown
+    from orchestration.reporting.console import out, plain_table
+
+    out.print(known.name, style="bold", end="  ")
+    out.print(f"{known.summary}\n")
+    if known.laid_over:
+        out.print(f"made from {known.made_from} with {', '.join(known.laid_over)}\n")
+    for remark in known.remarks:
+        out.print(f"  {remark}", style="dim")
+    for title in ("inputs", "outputs"):
+        table = plain_table(title, "name", "unit", "meaning")
+        for s in known.signals[title]:
+            table.add_row(s.name, s.unit, s.doc)
+        out.print(table)
+        out.print()
+    table = plain_table("parameters", "name", "default", "allowed", "meaning")
+    for s in known.signals["parameters"]:
+        table.add_row(s.name, shown(s.start, s), allowed(s), s.doc)
+    out.print(table)
+    for source in dict.fromkeys(known.sources.values()):
+        names = ", ".join(name for name, other in known.sources.items() if other == source)
+        out.print(f"  {names}: {source}", style="dim")
+    for preset, about in known.presets.items():
+        out.print(Text.assemble("\npreset ", (preset, "cyan"), f": {about}"))
+    if known.effects:
+        out.print()
+        _show_effects(known.effects)
+    if known.step is not None:
+        accuracy = "" if known.tolerance is None else f"; internal accuracy {known.tolerance:g}"
+        out.print(f"\nstep {known.step:g} s by default{accuracy}")
+
+
+def _show_effects(effects: Sequence[type[Effect]]) -> None:
+    """Print what can be laid over a model; of measurements each kind once, with the outputs beneath."""
+    from orchestration.reporting.console import out, plain_table
+
+    table = plain_table("effects, to be laid over it by --with", "effect", "what it is, and what it relaxes")
+    for effect in {e.id: e for e in effects}.values():
+        name = f"{effect.id}(OUTPUT)" if effect.output else effect.id
+        table.add_row(name, f"{_first_line(effect)} ({_relaxes(effect)})")
+    out.print(table)
+    if outputs := dict.fromkeys(e.output for e in effects if e.output):
+        out.print(f"  OUTPUT is one of {', '.join(outputs)}", style="dim")

@@ -1,0 +1,69 @@
+"""A model as commands open it: found, built if need be, and with the user told what there is to know of it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fmus.kit.errors import UserError
+from orchestration.reporting.console import detail, note, progress, warn
+
+if TYPE_CHECKING:
+    from orchestration.fmu.model import Model
+
+
+def model_file(name: str) -> Path | None:
+    """File that a model is read from; None for a component of ours."""
+    from fmus import COMPONENTS
+    from orchestration.fmu.model import names_class
+
+    if name in COMPONENTS:
+        return None
+    return Path(name.rpartition(":")[0]) if names_class(name) else Path(name)
+
+
+def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
+    """Find a model; see :func:`orchestration.fmu.model.find_model`.
+
+    Raises
+    ------
+    UserError
+        If there is none, or it cannot be built.
+    """
+    from fmus import COMPONENTS
+    from orchestration.fmu.model import find_model, names_class
+
+    with progress() as tell:
+        if effects or name in COMPONENTS or names_class(name):
+            over = f" with {', '.join(effects)}" if effects else ""
+            tell(f"building {name}{over} ({runtime}) unless it is there")
+        model = find_model(name, runtime, effects)
+    for text in model.notes:
+        note(text)
+    detail(f"{model.title}: {model.path}")
+    return model
+
+
+def check_inputs(model: Model, signals: Collection[str], parameters: Collection[str]) -> None:
+    """Refuse inputs that are given twice; tell which inputs no file and no setting gives.
+
+    Parameters
+    ----------
+    model : Model
+    signals : collection of str
+        What the record has.
+    parameters : collection of str
+        What is set.
+
+    Raises
+    ------
+    UserError
+    """
+    from fmus.kit.units import shown
+
+    for name, signal in model.inputs.items():
+        if name in signals and name in parameters:
+            raise UserError(f"--set {name}: the record has a column for it; leave out one of the two")
+        if name not in signals and name not in parameters:
+            warn(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")

@@ -1,0 +1,143 @@
+"""What a command writes: files that cost no other one, refused before any work is done; and JSON."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fmus.kit.errors import UserError
+
+STANDARD_OUTPUT = Path("-")
+JSON = (".json",)
+PAGE = (".html", ".htm")
+SIGNALS = (".nc", ".csv", ".parquet")  # as in experiment.results, which takes half a second to load
+
+
+class Outputs(NamedTuple):
+    """Files that a command reads and those that it is asked to write.
+
+    Attributes
+    ----------
+    reads : Mapping of str to Path or None
+        By what they are, as in ``this is the record itself``.
+    writes : Mapping of str to Path or None
+        By option; ``-`` is standard output.
+    endings : Mapping of str to sequence of str
+        Which a name must have, by option; any if there are none.
+    folders : Mapping of str to Path
+        Folders to write into, by option.
+    """
+
+    reads: Mapping[str, Path | None] = {}
+    writes: Mapping[str, Path | None] = {}
+    endings: Mapping[str, Sequence[str]] = {}
+    folders: Mapping[str, Path] = {}
+
+    def check(self) -> None:
+        """Refuse, before any work is done, names under which nothing can be written or something would be lost.
+
+        Raises
+        ------
+        UserError
+            If a name is that of a folder or of a file that is read, is given twice, has an ending that tells of
+            another format, or is where nothing can be written.
+        """
+        named: list[tuple[str, Path]] = []
+        for option, path in self.writes.items():
+            if path is None or path == STANDARD_OUTPUT:
+                continue
+            if _exists(option, path) and path.is_dir():
+                raise UserError(f"{option} {path}: this is a folder; name a file in it")
+            for what, source in self.reads.items():
+                if source is not None and same_file(path, source):
+                    raise UserError(f"{option} {path}: this is {what} itself; it will not be overwritten")
+            for other, place in named:
+                if same_file(path, place):
+                    raise UserError(f"{other} and {option} both name {path}")
+            named.append((option, path))
+        for option, path in named:
+            _check_ending(option, path, self.endings.get(option, ()))
+            _check_folder(path.absolute().parent, path)
+        for path in self.folders.values():
+            _check_folder(path.absolute(), path)
+
+
+def same_file(a: Path, b: Path) -> bool:
+    """Whether two names are, or would be, of one file."""
+    return a.absolute() == b.absolute() or (a.exists() and b.exists() and a.samefile(b))
+
+
+def _exists(option: str, path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:  # such as a name that is too long
+        raise UserError(f"{option} {path}: {error.strerror}") from error
+
+
+def _check_ending(option: str, path: Path, allowed: Sequence[str]) -> None:
+    if allowed and path.suffix.lower() not in allowed:
+        endings = (" or " if len(allowed) == 2 else ", ").join(allowed)
+        raise UserError(f"{option} {path}: its name must end in {endings}, not {path.suffix or 'nothing'!r}")
+
+
+def _check_folder(folder: Path, wanted: Path) -> None:
+    """Refuse a folder that is none, or in which nothing can be made; one that is not there yet is made later."""
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise UserError(f"cannot write {wanted}: {folder} is {'read-only' if folder.is_dir() else 'no folder'}")
+
+
+@contextmanager
+def standard_output_for(path: Path | None) -> Iterator[None]:
+    """Keep standard output free of anything else while the context lasts, if JSON is to go there."""
+    if path != STANDARD_OUTPUT:
+        yield
+        return
+    from orchestration.reporting.console import results_withheld
+
+    with results_withheld():
+        yield
+
+
+def write_json(path: Path | None, data: Any) -> None:
+    """Write results as JSON; what is no finite number becomes null.
+
+    Parameters
+    ----------
+    path : Path or None
+        ``-`` is standard output; nothing is written without one.
+    data : object
+        Of dictionaries, lists, texts, numbers and None.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    if path is None:
+        return
+    import json
+
+    text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
+    if path == STANDARD_OUTPUT:
+        sys.stdout.write(text)
+        return
+    from fmus.kit import files
+    from orchestration.reporting.console import wrote
+
+    files.write(path, text.encode())
+    wrote(path)
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, Mapping):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -1,0 +1,179 @@
+"""An experiment checked against what it is made on, with everything that it is run with."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from fmus.kit.errors import UserError, suggestion
+from fmus.kit.units import allowed, shown
+from orchestration.experiment.model import Experiment, Master, NoiseTable
+from orchestration.experiment.stimulus import Place
+from orchestration.experiment.subject import Subject, known
+from orchestration.fmu import simulate
+from orchestration.fmu.signal import Signal, check_type, read_setting
+
+Array = NDArray[np.float64]
+_NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
+_IMBALANCE = "Energy that the coupling made since the start, an error of co-simulation"
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """An experiment that fits what it is made on.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        With duration, step and, on a system, master as they will be.
+    on : Subject
+    time : ndarray, shape (n,)
+        Communication points in s.
+    settings : dict of str to float
+        Parameters, in the FMU's units.
+    inputs, noise : dict of str to ndarray, shape (n,)
+        Stimuli by input, and what is added to recorded outputs; in the FMU's units.
+    record : list of str
+        Outputs that are recorded, besides the inputs.
+    """
+
+    experiment: Experiment
+    on: Subject
+    time: Array
+    settings: Mapping[str, float]
+    inputs: Mapping[str, Array]
+    noise: Mapping[str, Array]
+    record: list[str]
+
+    @property
+    def imbalances(self) -> dict[str, Signal]:
+        """Signal of the energy that each coupling makes, by the coupling's name."""
+        return {
+            str(c): Signal(f"imbalance {c}", "real", "J", "J", 0.0, -np.inf, np.inf, _IMBALANCE)
+            for c in self.on.couplings
+        }
+
+    @property
+    def signals(self) -> dict[str, Signal]:
+        """Everything that the results hold over time."""
+        signals = {name: self.on.inputs[name] for name in self.inputs}
+        signals |= {name: self.on.outputs[name] for name in self.record}
+        return signals | {signal.name: signal for signal in self.imbalances.values()}
+
+    @property
+    def wanted(self) -> list[str]:
+        """Outputs that the run must deliver: those recorded, and both ends of every coupling."""
+        ends = [str(wire.source) for coupling in self.on.couplings for wire in coupling]
+        return list(dict.fromkeys([*self.record, *ends]))
+
+
+def prepare(experiment: Experiment, on: Subject, where: str, note: Callable[[str], None]) -> Preparation:
+    """Check an experiment against what it is made on.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    on : Subject
+    where : str
+        Its file or name, for messages.
+    note : callable
+        Called with a line for what is worth knowing: repairs in a file, inputs that stay at their start value.
+
+    Raises
+    ------
+    UserError
+        If something in the experiment does not fit.
+    """
+    resolved: dict[str, Any] = {"duration": experiment.duration or on.duration, "step": experiment.step or on.step}
+    if experiment.system:
+        resolved["master"] = experiment.master or Master()
+    experiment = experiment.model_copy(update=resolved)
+    time = _points(experiment, where)
+    settings = dict(on.settings) | _settings(experiment, on, where)
+    inputs = _inputs(experiment, on, time, where, note)
+    record = list(on.usual if experiment.record is None else experiment.record)
+    for name in record:
+        if name not in on.inputs:
+            known(name, on.outputs, "record: no output", where)
+    record = list(dict.fromkeys(name for name in record if name not in on.inputs))
+    noise = {name: _noise(name, n, record, experiment, on, time.size, where) for name, n in experiment.noise.items()}
+    if experiment.over != "time":
+        recorded = {name: on.inputs[name] for name in inputs} | {name: on.outputs[name] for name in record}
+        known(experiment.over, recorded, "over: nothing recorded", where)
+    return Preparation(experiment, on, time, settings, inputs, noise, record)
+
+
+def _points(experiment: Experiment, where: str) -> Array:
+    try:
+        return simulate.grid(0.0, experiment.duration or 0.0, experiment.step or 0.0)
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+
+
+def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, float]:
+    values = {}
+    for name, given in experiment.parameters.items():
+        if name in on.fed:
+            raise UserError(f"{where}: parameters.{name}: it is an input; {on.fed[name]}")
+        if name not in on.parameters:
+            near = suggestion(name, [*on.parameters, *Experiment.model_fields])
+            raise UserError(f"{where}: {on.name} has no parameter named {name!r}{near}")
+        signal = on.parameters[name]
+        text = str(given).lower() if isinstance(given, bool) else str(given)
+        values[name] = read_setting(text, signal, f"{where}: parameters.{name} = {given}")
+    return values
+
+
+def _inputs(
+    experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
+) -> dict[str, Array]:
+    values = {}
+    for name, stimulus in experiment.inputs.items():
+        here = f"{where}: inputs.{name}"
+        signal = known(name, on.inputs, f"{on.name} has no input", where)
+        place = Place(name, signal.unit, _seed(experiment, name))
+        try:
+            values[name] = stimulus.values(time, place)
+        except UserError as error:
+            raise UserError(f"{here}: {error}") from error
+        _within(signal, values[name], here)
+        for line in place.notes:
+            note(f"{here}: {line}")
+    for name, signal in on.inputs.items():
+        if name not in values:
+            note(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")
+    return values
+
+
+def _within(signal: Signal, values: Array, where: str) -> None:
+    for extreme in (values.min(), values.max()):
+        if not signal.min <= extreme <= signal.max:
+            raise UserError(f"{where}: {shown(extreme, signal)} is out of range; allowed is {allowed(signal)}")
+    for value in np.unique(values) if signal.type != "real" else ():
+        check_type(signal.type, value, where)
+
+
+def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
+    """Seed of a signal's random numbers: they do not change when another signal comes or goes."""
+    return experiment.seed, zlib.crc32(name.encode()), part
+
+
+def _noise(
+    name: str, noise: NoiseTable, record: list[str], experiment: Experiment, on: Subject, count: int, where: str
+) -> Array:
+    """Noise of a stationary process whose value is `correlation` times the last one plus something new."""
+    if name not in record:
+        raise UserError(f"{where}: noise.{name}: noise is added to recorded outputs, and this is none")
+    signal = on.outputs[name]
+    rms = noise.rms.to(signal.unit, f"{where}: noise.{name}.rms = {noise.rms.value:g} {noise.rms.unit}")
+    if rms < 0.0 or signal.type != "real":
+        raise UserError(f"{where}: noise.{name}.rms = {rms:g}: needs a real output, and 0 or more")
+    fresh = np.random.default_rng(_seed(experiment, name, _NOISE)).standard_normal(count)
+    fresh[1:] *= np.sqrt(1.0 - noise.correlation**2)
+    return rms * np.asarray(lfilter([1.0], [1.0, -noise.correlation], fresh))

@@ -1,0 +1,22 @@
+"""The voltmeter, a place for measurement noise in a system; a module that can travel in a Python FMU."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fmus.kit import Component, Input, Output
+
+
+class Voltmeter(Component):
+    """Voltage as it is measured: what is there, and an error that comes from outside."""
+
+    name = "voltmeter"
+    experiment = (10.0, 0.1)
+
+    voltage = Input("V", doc="voltage that is there")
+    error = Input("V", doc="error of the measurement: noise, hum, an offset")
+
+    @Output("V")
+    def measured_voltage(self) -> Any:
+        """Sum of the voltage that is there and the error."""
+        return self.voltage + self.error

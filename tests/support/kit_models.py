@@ -1,0 +1,15 @@
+"""The small components and every component of ours, alone and with all its effects: what goes for any model."""
+
+import pytest
+
+import fmus
+from fmus.kit import stack
+from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warmer
+
+GUID = "{12345678-1234-1234-1234-123456789012}"
+MODELS = [
+    Thermostat, Divider, Curved, stack(Thermostat, Warmer, Doubled),
+    *map(fmus.component, fmus.COMPONENTS),
+    *(stack(fmus.component(name), *fmus.effects(name).values()) for name in fmus.COMPONENTS if fmus.effects(name)),
+]  # fmt: skip
+every_model = pytest.mark.parametrize("cls", MODELS, ids=lambda cls: cls.name)

@@ -1,0 +1,141 @@
+"""Claims: everything a user needs is in ``import orchestration as ppy``, and is what the commands show and write."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import orchestration as ppy
+from fmus.kit.errors import UserError
+from orchestration.rig.emulator.records import draw, write
+from tests.support.command import works
+
+EFFECTS = ["strain_saturation", "double_layer"]
+
+
+@pytest.fixture(scope="module")
+def hidden(tmp_path_factory) -> Path:
+    """A record in which the strain saturates."""
+    path = tmp_path_factory.mktemp("front") / "hidden.csv"
+    write(draw("strain_saturation", 1, duration=300.0, rate=5.0), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def result(hidden):
+    return ppy.diagnose(ppy.read_record(hidden), effects=EFFECTS)
+
+
+def test_importing_loads_neither_numpy_nor_any_name():
+    code = "import sys, orchestration; print([m for m in ('numpy', 'casadi', 'rich', 'pint') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_name_is_there_and_says_how_it_is_used():
+    for name in ppy.__all__:
+        value = getattr(ppy, name)
+        assert inspect.getdoc(value), name
+        assert name in dir(ppy)
+    with pytest.raises(AttributeError, match="no attribute 'diagnoze'"):
+        ppy.diagnoze  # noqa: B018
+
+
+def test_a_result_prints_as_the_command_does(hidden, result, tmp_path):
+    text = works(
+        "diagnose", str(hidden), "--effects", ",".join(EFFECTS), "--json", str(tmp_path / "d.json"), cwd=tmp_path
+    )
+    printed = text.partition("wrote ")[0].split()  # a narrow terminal wraps the last column
+    assert printed == str(result).split()
+    assert json.loads((tmp_path / "d.json").read_text(encoding="utf-8")) == json.loads(json.dumps(result.to_dict()))
+
+
+def test_what_was_found_is_reachable_by_name(result):
+    assert result.verdict == "cause"
+    assert result.causes == ["strain_saturation"]
+    assert "strain_saturation" in result.sentence
+    low, high = result.parameters["R1"].interval
+    assert low < result.parameters["R1"].value < high
+    assert result.parameters["R1"].unit == "ohm"
+    assert result.gain.after["displacement"] < 0.5 * result.gain.before["displacement"]
+    assert len(repr(result)) < 120
+    assert result._repr_html_().startswith("<pre>cause  What the model gets wrong")
+
+
+def test_a_result_is_drawn_reported_and_built(result, tmp_path):
+    assert len(result.plot(tmp_path / "d.png").axes) == 2
+    assert (tmp_path / "d.png").stat().st_size > 10_000
+    text = result.report(tmp_path / "d.html").read_text(encoding="utf-8")
+    assert "ppy diagnose" in text
+    native, python = result.fmu(tmp_path / "better.fmu", platforms=["linux64"] if sys.platform == "linux" else None)
+    assert native.exists()
+    assert python.exists()
+    with pytest.raises(UserError, match=r"ends in \.html"):
+        result.report(tmp_path / "d.txt")
+
+
+def test_the_extended_model_goes_on(result, hidden):
+    """The oracle is the record: the extended model follows it, the one that a user started with does not."""
+    record = ppy.read_record(hidden)
+    inputs = {name: record.signals[name] for name in ("current", "force")}
+    for model, limit in ((result.model, 0.05), ("ppy_actuator", 1.0)):
+        simulated = ppy.simulate(model, inputs, time=record.time)["displacement"]
+        error = np.sqrt(np.mean((simulated - record.signals["displacement"]) ** 2))
+        share = error / np.std(record.signals["displacement"])
+        assert share < limit
+    assert share > 0.2
+    compared = ppy.compare(record, result.model)
+    assert compared.before["displacement"].fit_percent > 95.0
+
+
+def test_an_ambiguous_record_comes_with_an_experiment(tmp_path):
+    path = tmp_path / "idle.csv"
+    drawn = draw(None, 1, duration=300.0, rate=5.0)
+    for values in drawn.inputs.values():
+        values[:] = 0.5
+    for k, values in enumerate(drawn.outputs.values()):
+        values[:] = 1e-3 * np.random.default_rng(k).standard_normal(values.size)
+    write(drawn, path)
+    result = ppy.diagnose(path, effects=[])
+    assert result.verdict == "ambiguous"
+    assert result.model is None
+    with pytest.raises(UserError, match="nothing to make an FMU of"):
+        result.fmu(tmp_path / "none.fmu")
+    written = result.experiment.to_toml(tmp_path / "next.toml").read_text(encoding="utf-8")
+    assert written.startswith(f"# {result.experiment}")
+
+
+def test_what_cannot_be_used_is_refused_in_a_line(hidden, tmp_path):
+    with pytest.raises(UserError, match="no component named 'ppy_actuatr'"):
+        ppy.diagnose(hidden, "ppy_actuatr")
+    with pytest.raises(UserError, match="no effect named 'strain_saturatoin'"):
+        ppy.diagnose(hidden, effects=["strain_saturatoin"])
+    with pytest.raises(UserError, match="no parameter named 'R3'"):
+        ppy.diagnose(hidden, hold=["R3"])
+    with pytest.raises(UserError, match="no input named 'curent'"):
+        ppy.simulate("ppy_actuator", {"curent": 1.0})
+    with pytest.raises(UserError, match=r"current: shape \(3,\) for 101 points"):
+        ppy.simulate("ppy_actuator", {"current": [1.0, 2.0, 3.0]}, stop=10.0)
+    flat = tmp_path / "flat.csv"
+    drawn = draw(None, 1, duration=300.0, rate=5.0)
+    for values in drawn.outputs.values():
+        values[:] = 1.0
+    write(drawn, flat)
+    with pytest.raises(UserError, match="no output is left that could be trusted"):
+        ppy.diagnose(flat, effects=[])
+
+
+def test_a_component_is_simulated_as_its_equations_say():
+    """Charge of the circuit under a constant current: closed form of thesis eq. 3.6."""
+    r1, r2, c, amps = 0.5, 2.35, 2.7, 0.9
+    run = ppy.simulate("ppy_actuator", {"current": amps}, stop=30.0, settings={"R1": r1})
+    expected = amps * r2 * c * (1.0 - np.exp(-run.time / ((r1 + r2) * c)))
+    assert run["charge"] == pytest.approx(expected, rel=1e-5, abs=1e-9)
+    assert str(run).startswith("ppy_actuator: ")
+    assert len(repr(run)) < 80

@@ -1,0 +1,125 @@
+"""Claims: ``ppy diagnose`` says what it found, writes what was asked for, overwrites nothing and refuses in a line."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fmus.kit.errors import UserError
+from orchestration.cli.diagnose import Files
+from orchestration.records import write_record
+from orchestration.rig.emulator.records import UNITS, draw, write
+from tests.support.command import ppy, works
+from tests.support.diagnosis import FEW, SHORT
+
+NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
+STAGE = Path(__file__).parents[3] / "examples" / "positioning_stage.py"
+
+
+def fails(*arguments, cwd):
+    """What is told on a refusal, which is one line and exit code 2."""
+    done = ppy(*arguments, cwd=cwd)
+    assert done.returncode == 2
+    assert done.stderr.strip().splitlines()[-1].startswith("error: ")
+    return done.stderr
+
+
+def test_the_command_names_and_writes_it_down(tmp_path):
+    write(draw("strain_saturation", 1, **SHORT), tmp_path / "record.csv")
+    effects = ",".join(effect.id for effect in FEW)
+    text = works("diagnose", "record.csv", "--effects", effects, "--json", "diagnosis.json", cwd=tmp_path)
+    assert "strain_saturation" in text
+    written = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    assert written["causes"][0]["effect"] == "strain_saturation"
+    low, high = written["parameters"]["R1"]["ci95"]
+    assert low < written["parameters"]["R1"]["value"] < high
+    message = fails("diagnose", "record.csv", "--effects", "strain_saturatoin", cwd=tmp_path)
+    assert "no effect named 'strain_saturatoin' (did you mean strain_saturation?)" in message
+    message = fails("diagnose", "record.csv", "--json", "record.csv", cwd=tmp_path)
+    assert "will not be overwritten" in message
+
+
+def test_an_unknown_model_is_told(tmp_path):
+    write(draw(None, 1, **SHORT | {"duration": 100.0}), tmp_path / "record.csv")
+    assert "no component named" in fails("diagnose", "record.csv", "--model", "ppy_actuatr", cwd=tmp_path)
+
+
+def test_an_input_that_is_absent_is_told_and_taken_as_it_starts(tmp_path):
+    drawn = draw(None, 1, **SHORT)
+    write(replace(drawn, inputs={"current": drawn.inputs["current"]}), tmp_path / "record.csv")
+    text = " ".join(works("diagnose", "record.csv", "--effects", "none", cwd=tmp_path).split())
+    assert "record.csv has no force: taken to be 0 N throughout; --set force=... says otherwise" in text
+
+
+def test_the_file_of_the_model_is_not_overwritten(tmp_path):
+    shutil.copy(STAGE, tmp_path / "stage.py")
+    write(draw(None, 1, **SHORT | {"duration": 100.0}), tmp_path / "record.csv")
+    for option in (["--json", "stage.py"], ["--fmu", "s.fmu", "--json", "s.fmu"]):
+        message = fails("diagnose", "record.csv", "--model", "stage.py:PositioningStage", *option, cwd=tmp_path)
+        assert "will not be overwritten" in message or "both name" in message
+
+
+def words_of(page):
+    """What is to be read on a page."""
+    text = re.sub(r"<(script|style|noscript).*?</\1>", "", page, flags=re.S)
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", text)).split())
+
+
+def broken_off(path, seed, columns):
+    """Write a record of the rig, with other names for its columns, that was broken off in the middle of a line."""
+    drawn = draw("strain_saturation", seed, **SHORT)
+    signals = {columns[n]: v for n, v in (drawn.inputs | drawn.outputs).items()}
+    write_record(path, drawn.time, signals, {column: UNITS[n] for n, column in columns.items()})
+    with path.open("a", encoding="utf-8") as file:
+        file.write("300.0,0.")
+
+
+def test_the_command_writes_a_report_of_another_record(tmp_path):
+    columns = {"current": "I", "force": "F", "voltage": "U", "displacement": "x"}
+    for name, seed in ((NASTY, 1), ("other.csv", 2)):
+        broken_off(tmp_path / name, seed, columns)
+    mapping = [f"--map={column}={name}" for name, column in columns.items()]
+    arguments = ["diagnose", NASTY, *mapping, "--effects=strain_saturation", "--holdout=other.csv"]
+    done = ppy(*arguments, "--report=r.html", "--json=r.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "repaired: other.csv: " in done.stderr
+    text = words_of((tmp_path / "r.html").read_text(encoding="utf-8"))
+    assert "--holdout=other.csv" in text.split("How to reproduce")[1]
+    written = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    shares = re.findall(r"refitted ([\d.]+) %", text.split("The record held out")[0])
+    before = written["gain"]["holdout_nrmse_before"].values()
+    assert [float(share) for share in shares] == pytest.approx([100.0 * error for error in before], rel=5e-3)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([NASTY, "other.csv", "r.html", "r.json"])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"report": "r.csv"}, "--report r.csv: this is the record itself; it will not be overwritten"),
+        ({"result": "r.csv"}, "--json r.csv: this is the record itself; it will not be overwritten"),
+        ({"report": "link.html"}, "--report link.html: this is the record itself; it will not be overwritten"),
+        ({"holdout": "h.html", "report": "./h.html"}, "--report h.html: this is the record held out itself"),
+        ({"holdout": "h.html", "result": "h.html"}, "--json h.html: this is the record held out itself"),
+        ({"holdout": "r.csv"}, "--holdout r.csv: this is the record itself; nothing would be held out"),
+        ({"report": "a.html", "result": "a.html"}, "--json and --report both name a.html"),
+        ({"report": "a.pdf"}, "--report a.pdf: its name must end in .html"),
+        ({"report": "folder"}, "--report folder: this is a folder; name a file in it"),
+        ({"report": "a" * 300 + ".html"}, "File name too long"),
+    ],
+)
+def test_nothing_is_lost(given, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("r.csv", "h.html"):
+        Path(name).write_text("a record", encoding="utf-8")
+    Path("link.html").symlink_to("r.csv")
+    Path("folder").mkdir()
+    with pytest.raises(UserError, match=re.escape(message)):
+        Files(Path("r.csv"), **{key: Path(value) for key, value in given.items()}).check()
+    Files(Path("r.csv"), Path("h.html"), Path("new.json"), Path("new.html")).check()

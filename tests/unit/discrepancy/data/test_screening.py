@@ -1,0 +1,98 @@
+"""Which data a diagnosis rests on: not what is too short, full of gaps, not excited or no measurement."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmus.kit.errors import UserError
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
+from orchestration.discrepancy.report.wording import message
+from tests.support.diagnosis import FEW, coloured, short_record
+
+
+def test_a_record_that_is_too_short_is_refused():
+    with pytest.raises(UserError, match="3 samples are too few for a diagnosis; 225 are the least"):
+        diagnose(PpyActuator, Dataset(np.arange(3.0), {}, {"voltage": np.zeros(3)}), FEW)
+
+
+def test_numbers_that_no_sensor_gives_are_refused():
+    data = short_record()
+    with pytest.raises(UserError, match="voltage: values beyond"):
+        diagnose(PpyActuator, replace(data, measured={"voltage": 1e300 * data.measured["voltage"]}), FEW)
+
+
+def test_a_record_of_which_nothing_can_be_used_is_refused_with_the_reasons():
+    data = short_record()
+    with pytest.raises(UnusableRecordError) as refusal:
+        diagnose(PpyActuator, replace(data, measured={"voltage": np.zeros(data.time.size)}), FEW)
+    about = {(note.subject, note.code) for note in refusal.value.notes}
+    assert about == {("voltage", NoteCode.DEAD_CONSTANT), ("", NoteCode.NOTHING_USABLE)}
+    assert not any(note.held_out for note in refusal.value.notes)
+
+
+def test_of_two_records_it_is_told_of_which_nothing_can_be_used():
+    data = short_record()
+    dead = replace(data, measured={"voltage": np.zeros(data.time.size)})
+    with pytest.raises(UnusableRecordError) as refusal:
+        diagnose(PpyActuator, data, FEW, holdout=dead)
+    assert all(note.held_out for note in refusal.value.notes)
+    (note, _) = sorted(refusal.value.notes, key=lambda note: note.code)
+    assert message(note) == (
+        "in the record held out: voltage: constant at 0 while inputs move: a dead sensor, or nothing drives it; it is "
+        "not used"
+    )
+
+
+def test_an_output_full_of_gaps_is_left_out_with_a_note():
+    data = short_record()
+    gaps = data.measured["voltage"].copy()
+    gaps[::3] = np.nan
+    diagnosis = diagnose(PpyActuator, replace(data, measured=data.measured | {"voltage": gaps}), [])
+    assert list(diagnosis.residuals) == ["displacement"]
+    assert Note(NoteCode.MANY_GAPS, "voltage") in diagnosis.notes
+
+
+def test_an_output_that_ends_early_does_not_take_the_record_with_it():
+    data = short_record()
+    short = data.measured["displacement"].copy()
+    short[80:] = np.nan
+    diagnosis = diagnose(PpyActuator, replace(data, measured=data.measured | {"displacement": short}), [])
+    assert list(diagnosis.residuals) == ["voltage"]
+    (note,) = (note for note in diagnosis.notes if note.code is NoteCode.ENDS_EARLY)
+    assert (note.subject, note.facts) == ("displacement", {"time": pytest.approx(15.8)})
+
+
+def test_what_only_one_of_two_records_has_is_not_judged():
+    data, other = short_record(), short_record()
+    dead = data.measured | {"displacement": np.zeros(len(data.time))}
+    for estimation, holdout in ((replace(data, measured=dead), other), (other, replace(data, measured=dead))):
+        diagnosis = diagnose(PpyActuator, estimation, [], holdout=holdout)
+        assert list(diagnosis.after) == ["voltage"]
+        (note,) = (note for note in diagnosis.notes if note.code is NoteCode.DEAD_CONSTANT)
+        assert note.held_out is (holdout is not other)
+
+
+def test_inputs_that_only_jitter_tell_nothing():
+    data = short_record()
+    jitter = {name: 0.5 + 1e-5 * coloured(0.0, k, u.size) for k, (name, u) in enumerate(data.inputs.items())}
+    noise = {name: 1e-3 * np.ptp(y) * coloured(0.0, 7, y.size) for name, y in data.measured.items()}
+    diagnosis = diagnose(PpyActuator, replace(data, inputs=jitter, measured=noise), FEW)
+    assert (diagnosis.verdict, diagnosis.causes, diagnosis.changed) == ("ambiguous", [], [])
+    assert NoteCode.EXCITATION_BELOW_NOISE in {note.code for note in diagnosis.notes}
+
+
+def test_without_excitation_nothing_is_named():
+    idle = short_record()
+    still = {name: np.full_like(values, values[0]) for name, values in idle.inputs.items()}
+    noise = {name: 1e-3 * coloured(0.0, 3, values.size) for name, values in idle.measured.items()}
+    diagnosis = diagnose(PpyActuator, Dataset(idle.time, still, noise), FEW)
+    assert diagnosis.causes == []
+    assert diagnosis.verdict == "ambiguous"
+    assert diagnosis.inconclusive
+    assert diagnosis.notes[0].code is NoteCode.NO_EXCITATION

@@ -1,0 +1,153 @@
+"""Record and model in; verdict, extended model, gain and next experiment out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmus.kit.errors import UserError
+from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.candidates.candidate import label
+from orchestration.discrepancy.diagnosis import Verdict
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.pipeline import Options, dataset, diagnose
+from orchestration.fmu.model import find_model
+from orchestration.records import Record
+from orchestration.rig.emulator.records import UNITS, draw
+from tests.support.diagnosis import SHORT
+
+
+@pytest.fixture(scope="module")
+def actuator():
+    return find_model("ppy_actuator")
+
+
+def measured(hidden=None, *signals, **options):
+    """A record of the rig as if it had been read, of some signals or all of them."""
+    drawn = draw(hidden, 1, **SHORT | options)
+    signals = {n: v for n, v in (drawn.inputs | drawn.outputs).items() if not signals or n in signals}
+    return Record(drawn.time, signals, {n: UNITS[n] for n in signals}, Path("lab record.csv"))
+
+
+def at_rest(record):
+    """The same while no input moves."""
+    still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
+    return replace(record, signals=record.signals | still)
+
+
+# --- from a record to data ------------------------------------------------------------------------------------------
+
+
+def test_inputs_and_outputs_of_a_record_are_those_of_the_model(actuator):
+    record = measured()
+    data = dataset(record, actuator, {})
+    assert (set(data.inputs), set(data.measured)) == ({"current", "force"}, {"voltage", "displacement"})
+    assert all(data.inputs[n] is record.signals[n] for n in data.inputs)
+    assert not data.linear
+    assert dataset(record, actuator, {}, interpolate=True).linear
+
+
+def test_an_input_that_is_absent_is_constant(actuator):
+    record = measured(None, "current", "voltage")
+    assert np.array_equal(dataset(record, actuator, {}).inputs["force"], np.zeros(record.time.size))
+    given = dataset(record, actuator, {"force": 0.7, "R1": 0.5}).inputs
+    assert set(given) == {"current", "force"}
+    assert np.array_equal(given["force"], np.full(record.time.size, 0.7))
+
+
+def test_what_is_given_of_an_input_goes_before_what_was_recorded(actuator):
+    assert set(dataset(measured(), actuator, {"force": 0.7}).inputs["force"]) == {0.7}
+
+
+def test_an_absent_input_is_noted_unless_it_is_given(actuator):
+    record, noted = measured(None, "current", "voltage"), []
+    for given in ({}, {"force": 0.7}):
+        notes = diagnose(record, actuator, options=Options(given, effects=[])).notes
+        noted.append([note for note in notes if note.code is NoteCode.ABSENT_INPUT])
+    facts = {"record": "lab record.csv", "value": 0.0, "unit": "N"}
+    assert noted == [[Note(NoteCode.ABSENT_INPUT, "force", facts)], []]
+
+
+# --- what follows from it -------------------------------------------------------------------------------------------
+
+
+def test_a_cause_comes_with_its_model_and_its_gain(actuator):
+    result = diagnose(measured("strain_saturation"), actuator, options=Options(effects=["strain_saturation"]))
+    assert result.diagnosis.verdict is Verdict.CAUSE
+    assert "strain_saturation_coefficient" in {p.name for p in result.component.layout.parameters}
+    assert result.gain.before == pytest.approx(result.diagnosis.before, rel=1e-6)
+    assert result.gain.after == pytest.approx(result.diagnosis.after, rel=1e-6)
+    assert result.experiment is None
+
+
+def test_where_nothing_moves_there_is_no_model_but_an_experiment(actuator):
+    limits = {"current": (-1.0, 1.0), "force": (0.0, 2.0)}
+    result = diagnose(at_rest(measured()), actuator, options=Options(effects=[], limits=limits))
+    assert result.diagnosis.inconclusive
+    assert (result.component, result.gain) == (None, None)
+    assert result.experiment.limits == limits
+    assert result.experiment.expected == []
+
+
+def test_another_record_is_what_is_judged_by(actuator):
+    other = measured("strain_saturation", "current", "force", "voltage")
+    result = diagnose(measured(), actuator, other, Options(effects=[]))
+    assert list(result.gain.after) == ["voltage"]
+    assert not result.diagnosis.validation.continued
+    assert result.holdout is other
+
+
+@pytest.mark.parametrize(
+    ("wanted", "considered"),
+    [
+        (["sensor_lag"], ["sensor_lag(voltage)", "sensor_lag(displacement)"]),
+        (["sensor_lag(voltage)", "slack"], ["slack", "sensor_lag(voltage)"]),
+        ([], []),
+    ],
+)
+def test_effects_are_considered_by_id_or_by_output(actuator, wanted, considered):
+    result = diagnose(at_rest(measured()), actuator, options=Options(effects=wanted))
+    assert [label(effect) for effect in result.effects] == considered
+
+
+def test_what_fails_afterwards_does_not_take_the_diagnosis_with_it(actuator, monkeypatch):
+    def fails(*arguments):
+        raise UserError("no compiler")
+
+    monkeypatch.setattr(pipeline, "measured_gain", fails)
+    monkeypatch.setattr(pipeline, "design", fails)
+    moving, idle = (diagnose(r, actuator, options=Options(effects=[])) for r in (measured(), at_rest(measured())))
+    assert moving.gain is None
+    assert Note(NoteCode.FMU_FAILED, "", {"reason": "no compiler"}) in moving.notes
+    assert idle.experiment is None
+    assert Note(NoteCode.NO_EXPERIMENT, "", {"reason": "no compiler"}) in idle.notes
+
+
+# --- refusals -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(effects=["slac"]), r"effects: no effect named 'slac' \(did you mean slack\?\)"),
+        (Options(effects=["sensor_lag(force)"]), r"effects: no effect named 'sensor_lag\(force\)'"),
+        (Options(hold=["R3"]), r"hold: ppy_actuator has no parameter named 'R3' \(did you mean"),
+    ],
+)
+def test_names_that_are_unknown_are_refused(actuator, options, message):
+    with pytest.raises(UserError, match=message):
+        diagnose(measured(), actuator, options=options)
+
+
+def test_a_model_without_equations_is_refused(actuator):
+    with pytest.raises(UserError, match=r"ppy_actuator is an FMU without equations; name a component or file\.py"):
+        diagnose(measured(), replace(actuator, cls=None))
+
+
+def test_a_record_to_judge_by_must_have_an_output_of_the_other(actuator):
+    other = measured(None, "current", "displacement")
+    with pytest.raises(UserError, match=r"lab record\.csv: it has none of the outputs of the record, voltage"):
+        diagnose(measured(None, "current", "voltage"), actuator, other, Options(effects=[]))

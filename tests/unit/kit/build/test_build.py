@@ -1,0 +1,44 @@
+import io
+import zipfile
+
+import fmpy
+import pytest
+
+import fmus
+from fmus.kit import UserError, build, stack
+from fmus.kit.build import archive, toolchain
+from fmus.ppy_actuator.effects import EFFECTS
+
+
+def test_archive_bytes_depend_on_contents_only():
+    files = {"b.txt": b"2", "binaries/linux64/x.so": b"3", "modelDescription.xml": b"1", "a.txt": b"0"}
+    packed = archive.pack(files)
+    assert packed == archive.pack(dict(reversed(files.items())))
+    assert packed != archive.pack(files | {"a.txt": b"1"})
+    with zipfile.ZipFile(io.BytesIO(packed)) as read_back:
+        assert read_back.testzip() is None
+        assert read_back.namelist() == ["modelDescription.xml", "a.txt", "b.txt", "binaries/linux64/x.so"]
+        assert {name: read_back.read(name) for name in files} == files
+        modes = {i.filename: i.external_attr >> 16 for i in read_back.infolist()}
+    assert modes["binaries/linux64/x.so"] == 0o100755
+    assert modes["a.txt"] == 0o100644
+
+
+@pytest.mark.parametrize("runtime", build.RUNTIMES)
+def test_builds_are_reproducible(runtime):
+    try:
+        toolchain.find_compiler(toolchain.host_platform())
+    except UserError as error:
+        pytest.skip(str(error))
+    cls = stack(fmus.component("ppy_actuator"), EFFECTS["quadratic_strain"])
+    first, second = (build.build(cls, runtime, [toolchain.host_platform()]) for _ in range(2))
+    assert first == second
+    cls.remark = "A remark"
+    other = build.build(cls, runtime, [toolchain.host_platform()])
+    guids = {fmpy.read_model_description(io.BytesIO(b)).guid for b in (first, other)}
+    assert len(guids) == 2
+
+
+def test_unknown_runtime_is_refused():
+    with pytest.raises(UserError, match="unknown runtime 'java'; there are: python, native"):
+        build.build(fmus.component("ppy_actuator"), "java")
