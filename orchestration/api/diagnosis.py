@@ -21,7 +21,7 @@ from orchestration.discrepancy.report import picture, terminal, wording
 from orchestration.discrepancy.report.page import page
 from orchestration.discrepancy.report.summary import summary
 from orchestration.fmu.model import Model, find_model
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 from orchestration.records import Record
 from orchestration.reporting.plain import plain_text, preformatted
 from orchestration.rig import DRIVEN, HIGHEST, LIMITS

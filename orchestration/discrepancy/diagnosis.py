@@ -21,7 +21,7 @@ from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 
 DEGRADED = 1.1  # times the error before, above which it has grown
 # Share of the structure in a residual that may be left beside a cause, which never has quite the catalogue's form.

@@ -14,40 +14,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.units import allowed, shown
+from orchestration.identify.covariance import covariance, sandwich
+from orchestration.identify.estimate import Estimate
+from orchestration.identify.noise import Noise, autoregression
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
 _PASSES = 5  # at most, of weighting every output by the residual it leaves
 _SETTLED = 0.01  # relative change of the weights that ends it
-_MOST_ORDER = 4  # of the noise model
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
-_FLAT = 1e-10  # relative curvature below which a direction counts as undetermined
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One fitted parameter, SI.
-
-    Attributes
-    ----------
-    value, nominal : float
-        Fitted value and the value the fit started from.
-    interval : tuple of float
-        95 % confidence interval; infinite where the record says nothing about the parameter.
-    unit : str
-    """
-
-    value: float
-    nominal: float
-    interval: tuple[float, float]
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -174,9 +155,13 @@ def fit(
 def _intervals(problem: _Weighted, q: Array) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """95 % intervals, and a sentence for parameters that the record does not determine."""
     error, jacobian = problem.evaluate(q)
-    spread, silent, tangled = _standard_errors(error, jacobian, problem.weight)
-    blind = silent | tangled
-    half = float(norm.ppf(0.975)) * spread
+    weighted = {o: problem.weight[o] * j for o, j in jacobian.items()}
+    information = np.sum([j.T @ j for j in weighted.values()], axis=0)
+    noise = [Noise(c, problem.weight[o] * np.sqrt(v)) for o, e in error.items() for c, v in [autoregression(e)]]
+    spread = sandwich(covariance(information), weighted.values(), noise)
+    half = float(norm.ppf(0.975)) * spread.standard_errors
+    blind = set(np.flatnonzero(spread.unidentifiable).tolist())
+    silent = set(np.flatnonzero(np.diag(information) == 0.0).tolist())
     ends: dict[str, tuple[float, float]] = {}
     for i, (name, scale) in enumerate(zip(problem.names, problem.scales, strict=True)):
         open_end = 0.0 if scale.logarithmic else -np.inf
@@ -184,7 +169,7 @@ def _intervals(problem: _Weighted, q: Array) -> tuple[dict[str, tuple[float, flo
     vague = {i for i, s in enumerate(problem.scales) if s.logarithmic and half[i] > _VAGUE} - blind
     sentences = [
         (silent, "this record does not determine {}"),
-        (tangled, "this record does not determine {} separately"),
+        (blind - silent, "this record does not determine {} separately"),
         (vague, "this record hardly determines {}: the interval spans more than a factor of 100"),
     ]
     told = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
@@ -203,84 +188,3 @@ def _slow(output: str, residual: Array) -> str:
         f"the residual of {output} varies slowly, as {_independent(residual):.0f} independent values would: the "
         "intervals are too narrow"
     )
-
-
-def _standard_errors(
-    error: Mapping[str, Array], jacobian: Mapping[str, Array], weight: Mapping[str, float]
-) -> tuple[Array, set[int], set[int]]:
-    """Sandwich covariance: curvature, and between its halves the colour of the residuals.
-
-    Each output's residual is taken as an autoregression e = H w; the scores J'e then have covariance J' H H' J var(w),
-    and H' J is J filtered backwards in time (Ljung, section 9.4). Also returns which parameters change nothing that was
-    measured, and which change it only in ways in which others do, too.
-    """
-    bread = np.sum([weight[o] ** 2 * j.T @ j for o, j in jacobian.items()], axis=0)
-    scale = np.sqrt(np.diag(bread))
-    seen = np.flatnonzero(scale > 0.0)
-    spread = np.full(len(scale), np.inf)
-    silent = set(np.flatnonzero(scale == 0.0).tolist())
-    if len(seen) == 0:
-        return spread, silent, set()
-    normalised = bread[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
-    eigenvalues, vectors = np.linalg.eigh(normalised)
-    # a direction in which the cost is flat to rounding: every parameter that takes part in it is undetermined
-    flat = np.abs(vectors[:, eigenvalues < _FLAT * eigenvalues[-1]]).max(axis=1, initial=0.0)
-    tangled = set(seen[flat > 1e-2].tolist())
-    inverse = np.linalg.pinv(normalised, rcond=_FLAT, hermitian=True) / np.outer(scale[seen], scale[seen])
-    meat = np.zeros_like(inverse)
-    for o, j in jacobian.items():
-        coefficients, variance = autoregression(error[o])
-        filtered = lfilter([1.0], np.concatenate([[1.0], -coefficients]), j[::-1][:, seen], axis=0)
-        meat += weight[o] ** 4 * variance * filtered.T @ filtered
-    spread[seen] = np.sqrt(np.diag(inverse @ meat @ inverse))
-    return spread, silent, tangled
-
-
-def autoregression(values: Array, most: int = _MOST_ORDER) -> tuple[Array, float]:
-    """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        A series; its mean is taken as zero.
-    most : int
-        Highest order considered.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (p,)
-        ``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]``.
-    variance : float
-        Of the innovations w.
-    """
-    n = len(values)
-    most = min(most, max(n // 10, 0))
-    return yule_walker(np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n, n)
-
-
-def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
-    """Fit a stationary autoregression to a covariance, its order chosen by BIC.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (m + 1,)
-        At the first lags; its length gives the highest order considered.
-    n : int
-        Samples that it is of.
-
-    Returns
-    -------
-    coefficients, variance
-        As of :func:`autoregression`.
-    """
-    best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
-    if covariance[0] <= 0.0:
-        return best
-    criterion = n * np.log(covariance[0])
-    for order in range(1, len(covariance)):
-        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-        coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
-        variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
-        if variance > 0.0 and (found := n * np.log(variance) + order * np.log(n)) < criterion:
-            criterion, best = found, (coefficients, variance)
-    return best

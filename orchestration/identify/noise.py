@@ -8,8 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-
-from orchestration.identify.grey_box import autoregression
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
@@ -48,6 +47,13 @@ class Noise:
         """
         pieces = [self._filtered(values[a:b]) for a, b in segments(present, self.memory)]
         return np.concatenate(pieces) if pieces else values[:0]
+
+    def backwards(self, values: Array) -> Array:
+        """Filter the columns of a Jacobian (m, p) by the noise model, backwards in time.
+
+        With e = H w the scores J'e have the covariance J'HH'J var(w), and this is H'J times the deviation of w.
+        """
+        return np.asarray(lfilter([self.deviation], [1.0, *-self.coefficients], values[::-1], axis=0)[::-1])
 
     def kept(self, present: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return the samples that innovations belong to."""
@@ -97,3 +103,53 @@ def estimate(residual: Array, present: NDArray[np.bool_], even: bool = True) -> 
     innovation = Noise(coefficients, 1.0).whiten(residual, present)
     deviation = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 1.0
     return Noise(coefficients, deviation or np.finfo(float).tiny)
+
+
+def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:
+    """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        A series; its mean is taken as zero.
+    most : int
+        Highest order considered.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (p,)
+        ``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]``.
+    variance : float
+        Of the innovations w.
+    """
+    n = len(values)
+    most = min(most, max(n // 10, 0))
+    return yule_walker(np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n, n)
+
+
+def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
+    """Fit a stationary autoregression to a covariance, its order chosen by BIC.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (m + 1,)
+        At the first lags; its length gives the highest order considered.
+    n : int
+        Samples that it is of.
+
+    Returns
+    -------
+    coefficients, variance
+        As of :func:`autoregression`.
+    """
+    best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
+    if covariance[0] <= 0.0:
+        return best
+    criterion = n * np.log(covariance[0])
+    for order in range(1, len(covariance)):
+        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
+        coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
+        variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
+        if variance > 0.0 and (found := n * np.log(variance) + order * np.log(n)) < criterion:
+            criterion, best = found, (coefficients, variance)
+    return best

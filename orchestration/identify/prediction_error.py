@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.identify.covariance import Covariance, covariance
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.noise import Noise, estimate, white
 from orchestration.identify.problem import Problem
@@ -68,6 +69,15 @@ class FitResult:
     def bic(self) -> float:
         """Bayesian information criterion."""
         return self.deviance + self.parameters * float(np.log(self.samples))
+
+    @property
+    def covariance(self) -> Covariance:
+        """Covariance of the searched coordinates.
+
+        The prior counts, so that parameters of which the record tells a combination only, such as a ratio, are as
+        uncertain as they are.
+        """
+        return covariance(self.information, self.prior_precision)
 
 
 def fit(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.identify.covariance import covariance
 from orchestration.identify.noise import Noise, estimate, white
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
@@ -20,7 +21,9 @@ from orchestration.identify.problem import Problem
 Array = NDArray[np.float64]
 Gradient = Mapping[str, NDArray[Any]]
 _ROUNDS = 3  # of solving with a colour and estimating the colour from what remains
-_RIDGE = 1e-9  # relative to the curvature
+# Relative to the curvature. Where a fit starts hangs on it, and so does, where a model has several optima, in which of
+# them it ends: with a third or three times as much, another of two close alternatives is named first.
+_RIDGE = 1e-9
 _FLAT = 1e-10  # share of a change that the model could not make itself, below which there is none
 
 
@@ -71,9 +74,15 @@ class LinearisedModel:
         self._whitenings = [self._whitening(noise) for noise in (fit.noise, white(error, problem.even))]
 
     def _whitening(self, noise: Mapping[str, Noise]) -> tuple[Mapping[str, Noise], Array, Array, Array]:
-        """Whitened residual and Jacobian, and the covariance of the coordinates."""
+        """Whitened residual and Jacobian, and the coordinates' covariance."""
         residual, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
-        return noise, residual, slopes, inverse(slopes.T @ slopes + np.diag(self._fit.prior_precision))
+        return noise, residual, slopes, self._covariance(slopes)
+
+    def _covariance(self, slopes: Array) -> Array:
+        """Covariance of the coordinates, kept from growing along what the record hardly determines."""
+        information = slopes.T @ slopes
+        ridge = _RIDGE * (np.diag(information) + self._fit.prior_precision)
+        return covariance(information, self._fit.prior_precision + ridge).matrix
 
     def _whitened(self, values: Gradient, noise: Mapping[str, Noise]) -> Array:
         return np.concatenate([n.whiten(values[o], self._present[o]) for o, n in noise.items()])
@@ -81,9 +90,9 @@ class LinearisedModel:
     def score_statistics(self, change: Gradient, least: float, most: float) -> list[float]:
         """By how much the sum of squares would fall with some of a change: in the noise estimated, and in white."""
         falls = []
-        for noise, residual, slopes, covariance in self._whitenings:
+        for noise, residual, slopes, spread in self._whitenings:
             column = self._whitened(change, noise)
-            orthogonal = column - slopes @ (covariance @ (slopes.T @ column))
+            orthogonal = column - slopes @ (spread @ (slopes.T @ column))
             power = float(orthogonal @ orthogonal)
             if power <= _FLAT * float(column @ column):
                 falls.append(0.0)
@@ -111,9 +120,9 @@ class LinearisedModel:
 
     def _orthogonal_part(self, change: Gradient) -> tuple[Array, Array]:
         """Return a change in units of white noise, and what of it the model's own coordinates cannot make."""
-        noise, _, slopes, covariance = self._whitenings[1]
+        noise, _, slopes, spread = self._whitenings[1]
         column = self._whitened(change, noise)
-        return column, column - slopes @ (covariance @ (slopes.T @ column))
+        return column, column - slopes @ (spread @ (slopes.T @ column))
 
     def predicted_improvement(self, change: Gradient, least: float, most: float) -> PredictedImprovement:
         """Solve for an amount of a change, within bounds, and the model's own coordinates beside it."""
@@ -121,13 +130,13 @@ class LinearisedModel:
         for _ in range(_ROUNDS):
             residual, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
             column = self._whitened(change, noise)
-            covariance = inverse(slopes.T @ slopes + np.diag(self._fit.prior_precision))
-            along = covariance @ (slopes.T @ column)
+            spread = self._covariance(slopes)
+            along = spread @ (slopes.T @ column)
             power = float(column @ column - (slopes.T @ column) @ along)
             gradient = slopes.T @ residual + self._gradient_of_prior
             wanted = -float(column @ residual - along @ gradient) / power if power > 0.0 else 0.0
             amount = float(np.clip(wanted, least, most))
-            step = np.clip(-covariance @ gradient - amount * along, *self._bounds)
+            step = np.clip(-spread @ gradient - amount * along, *self._bounds)
             remaining = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
             noise = {o: estimate(e, self._present[o], self._even) for o, e in remaining.items()}
         below = self._fit
@@ -140,11 +149,3 @@ class LinearisedModel:
         deviance += float(below.prior_precision @ moved**2)
         fall = below.deviance - deviance - order * np.log(below.samples)
         return PredictedImprovement(float(fall), amount, step, dict(noise))
-
-
-def inverse(curvature: Array) -> Array:
-    """Inverse of a normal matrix, scaled before; a coordinate of which it knows nothing stays where it is."""
-    scale = np.sqrt(np.diag(curvature))
-    scale[scale == 0.0] = 1.0
-    unit = curvature / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-    return np.asarray(np.linalg.inv(unit) / np.outer(scale, scale))

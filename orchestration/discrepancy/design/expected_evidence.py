@@ -15,10 +15,9 @@ from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.candidates.outlook import inverse
-from orchestration.identify.grey_box import yule_walker
+from orchestration.identify.covariance import covariance
 from orchestration.identify.levenberg_marquardt import minimise
-from orchestration.identify.noise import ORDER, Noise
+from orchestration.identify.noise import ORDER, Noise, yule_walker
 from orchestration.identify.prediction_error import PRIOR_STD
 
 Array = NDArray[np.float64]
@@ -95,7 +94,7 @@ def expected_delta_bic_linear(
         rows = np.concatenate([_white(colours[o], truth.signals[o] - other.signals[o]) for o in other.signals])
         columns = np.vstack([_white(colours[o], slopes) for o, slopes in other.slopes.items()])
         prior = _prior(candidate)
-        step = inverse(columns.T @ columns + prior.T @ prior) @ (columns.T @ rows)
+        step = covariance(columns.T @ columns + prior.T @ prior).matrix @ (columns.T @ rows)
         residual = {o: truth.signals[o] - other.signals[o] - other.slopes[o] @ step for o in other.signals}
         colours = _colours(true_model, residual)
     return _fall(true_model, candidate, colours, len(next(iter(residual.values()))))

@@ -7,7 +7,7 @@ from typing import Any
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 from orchestration.identify.metrics import number
 
 

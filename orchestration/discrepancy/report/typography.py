@@ -8,7 +8,7 @@ import re
 from fmus.kit import Effect
 from fmus.kit.units import Described, shown
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 from orchestration.reporting.page import Markup, escaped
 
 _VAGUE = 1e4  # times its lower end, beyond which an interval tells nothing

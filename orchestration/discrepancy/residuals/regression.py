@@ -12,6 +12,7 @@ from scipy.stats import t
 
 from orchestration.discrepancy.residuals.operating_regions import SIGNIFICANCE
 from orchestration.discrepancy.residuals.regressors import Regressor
+from orchestration.identify.covariance import covariance
 from orchestration.identify.noise import estimate
 
 Array = NDArray[np.float64]
@@ -19,7 +20,6 @@ _DRAWS, _FEW_DRAWS = 40, 8  # of noise, to see what a regression explains of it
 _EFFORT = 200_000  # samples in all draws, beyond the fewest
 _LEAD = 1000  # samples until drawn noise has forgotten its start
 _COLOURED = 4  # passes of regression and of estimating the colour of what it leaves
-_FLAT = 1e-9  # relative curvature below which a direction counts as undetermined
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,7 @@ def _regressed(residual: Array, rows: Array, present: NDArray[np.bool_]) -> tupl
     for _ in range(_COLOURED):
         noise = estimate(residual - rows @ weights, present)
         white, innovation = noise.whiten(rows, present), noise.whiten(residual, present)
-        values, directions = np.linalg.eigh(white.T @ white)
-        seen = values > _FLAT * values[-1]
-        inverse = (directions[:, seen] / values[seen]) @ directions[:, seen].T
-        weights = inverse @ (white.T @ innovation)
+        weights = covariance(white.T @ white).matrix @ (white.T @ innovation)
     whole = float(innovation @ innovation)
     remaining = float(((innovation - white @ weights) ** 2).sum())
     return float(np.log(max(whole - remaining, 1e-300) / max(remaining, 1e-300))), weights

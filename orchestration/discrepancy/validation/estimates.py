@@ -9,20 +9,18 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 
 Array = NDArray[np.float64]
-_FLAT = 1e-12  # relative curvature below which a direction counts as undetermined
 _SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
 _NOTICEABLE = 0.02  # relative difference below which that is not worth a word
 _IMPLAUSIBLE = 30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
-_TOUCHED = 1e-6  # share of a coordinate in a direction of which nothing is known, from which on it is unknown too
 
 
 def estimates(model: FittedCandidate) -> dict[str, Estimate]:
     """Searched parameters by name, with their 95 % intervals, SI."""
     problem, fitted = model.problem, model.fit
-    half = float(norm.ppf(0.975)) * standard_errors(model)
+    half = float(norm.ppf(0.975)) * model.fit.covariance.standard_errors
     result = {}
     for name, scale, q, h in zip(problem.names, problem.scales, fitted.q, half, strict=True):
         ends = (scale.value(q - h), scale.value(q + h))
@@ -34,7 +32,7 @@ def significantly_changed(model: FittedCandidate, parameters: Sequence[str]) -> 
     """Physical parameters that are surely and noticeably others than nominal."""
     problem, fitted = model.problem, model.fit
     nominal = problem.position(problem.start)
-    surely = np.abs(fitted.q - nominal) / standard_errors(model)
+    surely = np.abs(fitted.q - nominal) / fitted.covariance.standard_errors
     chosen = {
         name: float(surely[i])
         for i, name in enumerate(problem.names)
@@ -48,22 +46,3 @@ def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> di
     """Of some parameters, those that no specimen can have, with their ratios to nominal."""
     ratios = {n: values[n].value / values[n].nominal for n in parameters if values[n].nominal}
     return {n: x for n, x in ratios.items() if x > 0.0 and not 1.0 / _IMPLAUSIBLE < x < _IMPLAUSIBLE}
-
-
-def standard_errors(model: FittedCandidate) -> Array:
-    """Return the standard errors of the searched coordinates; infinite where nothing is known of them.
-
-    The prior counts, so that parameters of which the record tells a combination only, such as a ratio, are as
-    uncertain as they are.
-    """
-    fitted = model.fit
-    known = fitted.information + np.diag(fitted.prior_precision)
-    scale = np.sqrt(np.diag(known))
-    seen = np.flatnonzero(scale > 0.0)
-    size, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen]))
-    with np.errstate(divide="ignore", invalid="ignore"):  # what is unknown, times nothing, is nothing
-        variance = np.where(size > _FLAT, 1.0 / size, np.inf)
-        parts = np.where(np.abs(directions) > _TOUCHED, directions**2 * variance, 0.0)
-    spread = np.full(len(fitted.q), np.inf)
-    spread[seen] = np.sqrt(parts.sum(axis=1)) / scale[seen]
-    return spread

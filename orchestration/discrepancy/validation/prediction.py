@@ -12,12 +12,12 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.stepwise import Selection
+from orchestration.identify.covariance import covariance
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.noise import Noise
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
-_RIDGE = 1e-9  # relative, to what is known of a parameter
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ def predictive_deviance(validation: ValidationData, prediction: Prediction, nois
     """Minus twice the logarithm of how likely a model makes the validation data, in noise that is given.
 
     What the fit left open in the parameters is granted: with their covariance P and the derivatives J of the
-    innovations r, the innovations have the covariance I + J P J'. In a record of its own nothing is granted to where
-    the states start, which was estimated on its first samples.
+    innovations r, the innovations have the covariance I + J P J'; what the fit did not determine at all stays where it
+    is. In a record of its own nothing is granted to where the states start, which was estimated on its first samples.
     """
     model, residuals, slopes = prediction.model, [], []
     declared = model.problem.declared
@@ -97,20 +97,11 @@ def predictive_deviance(validation: ValidationData, prediction: Prediction, nois
     fit, problem = model.fit, model.problem
     seen = np.vstack([noise[o].whiten(j, problem.present[o]) for o, j in problem.evaluate(fit.q)[1].items()])
     r, j = np.concatenate(residuals), np.concatenate(slopes)
-    information = seen.T @ seen + np.diag(fit.prior_precision)
-    return float(r @ r) - _parameter_uncertainty(information, j.T @ j, j.T @ r)
-
-
-def _parameter_uncertainty(information: Array, added_information: Array, gradient: Array) -> float:
-    """How much less the deviance is because parameters are uncertain: less misfit, more spread."""
-    scale = np.sqrt(np.diag(information + added_information))
-    seen = scale > 0.0
-    outer = np.outer(scale[seen], scale[seen])
-    ridge = _RIDGE * np.eye(seen.sum())
-    before = information[np.ix_(seen, seen)] / outer + ridge
-    after = before + added_information[np.ix_(seen, seen)] / outer
-    p = gradient[seen] / scale[seen]
-    return float(p @ np.linalg.solve(after, p) - np.linalg.slogdet(after)[1] + np.linalg.slogdet(before)[1])
+    spread = covariance(seen.T @ seen, fit.prior_precision).matrix
+    known, score = j.T @ j, j.T @ r
+    # the determinant lemma and Woodbury's formula, on as many rows as there are parameters
+    grown = np.eye(len(score)) + spread @ known
+    return float(r @ r - score @ np.linalg.solve(grown, spread @ score) + np.linalg.slogdet(grown)[1])
 
 
 def validated(selection: Selection, validation: ValidationData) -> tuple[Selection, list[Prediction], list[Note]]:

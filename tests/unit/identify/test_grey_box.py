@@ -21,7 +21,7 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.experiment.waveforms import multilevel, square_wave
-from orchestration.identify.grey_box import autoregression, fit
+from orchestration.identify.grey_box import fit
 from orchestration.identify.metrics import fit_percent, whiteness
 from orchestration.records import read_record
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
@@ -183,17 +183,6 @@ def test_intervals_are_as_wide_as_the_estimates_scatter():
         told.append([np.diff(np.log(estimates[n].interval))[0] / 2 / 1.959964 for n in ELECTRICAL])
     ratio = np.median(told, axis=0) / np.std(values, axis=0, ddof=1)
     assert np.all((ratio > 0.67) & (ratio < 1.5)), ratio
-
-
-@pytest.mark.parametrize(
-    ("coefficients", "order"), [([0.9], 1), ([1.2, -0.5], 2), ([], 0), ([0.4, 0.2, -0.3], 3)], ids=str
-)
-def test_noise_models_are_recognised(coefficients, order):
-    noise = lfilter([0.3], [1.0, *(-c for c in coefficients)], np.random.default_rng(4).standard_normal(20000))
-    found, variance = autoregression(noise)
-    assert len(found) == order
-    assert found == pytest.approx(coefficients, abs=0.03)
-    assert variance == pytest.approx(0.09, rel=0.03)
 
 
 def test_a_force_that_never_acts_says_nothing_about_stiffness():

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from orchestration.identify.noise import ORDER, Noise, estimate, segments
+from orchestration.identify.noise import ORDER, Noise, autoregression, estimate, segments
 from tests.support.diagnosis import coloured
 
 EVERY = np.ones(4000, dtype=bool)
@@ -28,3 +29,14 @@ def test_a_filter_does_not_reach_over_a_gap():
     white = Noise(np.array([1.0]), 1.0).whiten(jump, present)
     assert white.size == 3997 - 2 * ORDER
     assert np.all(white == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "order"), [([0.9], 1), ([1.2, -0.5], 2), ([], 0), ([0.4, 0.2, -0.3], 3)], ids=str
+)
+def test_noise_models_are_recognised(coefficients, order):
+    noise = lfilter([0.3], [1.0, *(-c for c in coefficients)], np.random.default_rng(4).standard_normal(20000))
+    found, variance = autoregression(noise)
+    assert len(found) == order
+    assert found == pytest.approx(coefficients, abs=0.03)
+    assert variance == pytest.approx(0.09, rel=0.03)

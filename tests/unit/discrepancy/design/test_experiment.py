@@ -29,8 +29,7 @@ from orchestration.discrepancy.selection.stepwise import ALTERNATIVE, Selection,
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.experiment.waveforms import steps
-from orchestration.identify.grey_box import yule_walker
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise import Noise, yule_walker
 from orchestration.identify.prediction_error import fit
 from orchestration.identify.problem import Problem
 from orchestration.rig.emulator.bench import NOISE

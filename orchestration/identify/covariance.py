@@ -1,0 +1,88 @@
+"""The inverse of a normal matrix: covariance of what was estimated, and what of it the data do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orchestration.identify.noise import Noise
+
+Array = NDArray[np.float64]
+_SINGULAR = 1e-10  # eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding
+_INVOLVED = 1e-3  # share of a parameter in such a direction, from which on it is not identifiable itself
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of estimated parameters.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (p, p)
+        In the directions that the data determine; zero along the others, in which nothing is to be learnt.
+    unidentifiable : ndarray of bool, shape (p,)
+        Parameters that the data do not determine, or only together with others.
+    """
+
+    matrix: Array
+    unidentifiable: NDArray[np.bool_]
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors (p,); infinite where a parameter is unidentifiable."""
+        return np.where(self.unidentifiable, np.inf, np.sqrt(np.diag(self.matrix)))
+
+
+def covariance(information: Array, prior: ArrayLike = 0.0) -> Covariance:
+    """Invert a normal matrix (Ljung: System Identification, section 9.4).
+
+    It is scaled to a unit diagonal before, so that units do not decide what is singular, and inverted in the directions
+    that it determines (Belsley, Kuh, Welsch: Regression Diagnostics, chapter 3).
+
+    Parameters
+    ----------
+    information : ndarray, shape (p, p)
+        Normal matrix of whitened derivatives.
+    prior : float or ndarray, shape (p,)
+        Precision of a Gaussian prior of every parameter, zero for none.
+
+    Returns
+    -------
+    Covariance
+    """
+    known = information + np.diag(np.broadcast_to(prior, len(information)))
+    scale = np.sqrt(np.diag(known))
+    unidentifiable = scale <= 0.0
+    matrix = np.zeros_like(known)
+    if (seen := np.flatnonzero(~unidentifiable)).size:
+        size = np.outer(scale[seen], scale[seen])
+        values, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / size)
+        regular = values > _SINGULAR * values[-1]
+        matrix[np.ix_(seen, seen)] = (directions[:, regular] / values[regular]) @ directions[:, regular].T / size
+        unidentifiable[seen] = np.abs(directions[:, ~regular]).max(axis=1, initial=0.0) > _INVOLVED
+    return Covariance(matrix, unidentifiable)
+
+
+def sandwich(bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise]) -> Covariance:
+    """Covariance of parameters that were fitted as if their residuals were white (Ljung, section 9.4).
+
+    Between two halves of the inverse normal matrix stands the covariance of the scores, in which the colour counts.
+
+    Parameters
+    ----------
+    bread : Covariance
+        Inverse of the normal matrix that was fitted with.
+    jacobian : iterable of ndarray, shape (m, p)
+        Of the residual of every output, weighted as it was fitted.
+    noise : iterable of Noise
+        Of these residuals.
+
+    Returns
+    -------
+    Covariance
+    """
+    scores = np.vstack([n.backwards(j) for n, j in zip(noise, jacobian, strict=True)])
+    return replace(bread, matrix=bread.matrix @ (scores.T @ scores) @ bread.matrix)

@@ -1,0 +1,68 @@
+"""Claims: the inverse is the inverse, whatever the units; what cannot be told apart is named; coloured noise widens.
+
+Oracles: `numpy.linalg.inv`, statsmodels' ordinary least squares, the covariance of an AR(1) process on paper.
+"""
+
+import numpy as np
+import pytest
+import statsmodels.api as sm
+from scipy.linalg import toeplitz
+
+from orchestration.identify.covariance import covariance, sandwich
+from orchestration.identify.noise import Noise
+
+RANDOM = np.random.default_rng(3)
+REGRESSORS = RANDOM.standard_normal((500, 4)) @ RANDOM.standard_normal((4, 4))
+
+
+@pytest.mark.parametrize("units", [np.ones(4), np.array([1e-9, 1.0, 1e7, 3.0])], ids=["alike", "of many sizes"])
+def test_standard_errors_are_those_of_least_squares(units):
+    columns = REGRESSORS * units
+    oracle = sm.OLS(RANDOM.standard_normal(500), REGRESSORS).fit()  # statsmodels refuses the other units
+    found = covariance(columns.T @ columns)
+    assert not found.unidentifiable.any()
+    assert found.standard_errors * units == pytest.approx(oracle.bse / np.sqrt(oracle.scale), rel=1e-8)
+
+
+def test_a_prior_adds_its_precision():
+    information, prior = REGRESSORS.T @ REGRESSORS, np.array([0.0, 1.0, 100.0, 0.0])
+    assert covariance(information, prior).matrix == pytest.approx(np.linalg.inv(information + np.diag(prior)), rel=1e-9)
+    assert covariance(information, 2.0).matrix == pytest.approx(np.linalg.inv(information + 2.0 * np.eye(4)), rel=1e-9)
+
+
+def test_what_the_data_do_not_determine_is_named_and_the_others_are_none_the_worse():
+    a, b, c, _ = REGRESSORS.T
+    columns = np.column_stack([a, 1e6 * a, b, np.zeros(500), c])
+    found = covariance(columns.T @ columns)
+    assert found.unidentifiable.tolist() == [True, True, False, True, False]
+    assert np.isinf(found.standard_errors).tolist() == found.unidentifiable.tolist()
+    alone = np.linalg.inv(np.array([a, b, c]) @ np.array([a, b, c]).T)
+    assert found.standard_errors[[2, 4]] == pytest.approx(np.sqrt(np.diag(alone))[1:], rel=1e-9)
+    # their sum is known, and half of it goes to either
+    assert found.matrix[0, 0] == pytest.approx(alone[0, 0] / 4.0, rel=1e-9)
+    assert not found.matrix[3].any()
+
+
+def test_a_prior_determines_what_the_data_do_not():
+    columns = np.column_stack([REGRESSORS[:, 0], REGRESSORS[:, 0]])
+    found = covariance(columns.T @ columns, 1.0)
+    assert not found.unidentifiable.any()
+    assert found.standard_errors == pytest.approx(np.sqrt(0.5), rel=1e-3)  # the difference is as uncertain as before
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_nothing_known_of_nothing(size):
+    found = covariance(np.zeros((size, size)))
+    assert found.matrix.shape == (size, size)
+    assert found.unidentifiable.all()
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9, -0.5])
+def test_a_sandwich_is_the_covariance_under_coloured_noise(colour):
+    n = 2000
+    columns = np.column_stack([np.sin(np.arange(n) / 40.0), np.ones(n), RANDOM.standard_normal(n)])
+    noise = Noise(np.array([colour]) if colour else np.empty(0), 0.3)
+    process = 0.09 / (1.0 - colour**2) * toeplitz(colour ** np.arange(n))
+    half = np.linalg.inv(columns.T @ columns) @ columns.T
+    found = sandwich(covariance(columns.T @ columns), [columns[:800], columns[800:]], [noise, noise])
+    assert found.standard_errors == pytest.approx(np.sqrt(np.diag(half @ process @ half.T)), rel=0.03)
