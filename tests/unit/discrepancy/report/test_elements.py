@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.discrepancy.report import elements
-from orchestration.identify.grey_box import Estimate
+from orchestration.identify.estimate import Estimate
 
 
 def test_an_interval_is_drawn_to_scale():
