@@ -14,7 +14,7 @@ def told(monkeypatch):
     """What is printed on standard error, which is no terminal."""
     stream = io.StringIO()
     monkeypatch.setattr(console, "_EVERY", 0.2)
-    monkeypatch.setattr(console.err, "file", stream)
+    monkeypatch.setattr(console, "err", console.Console(file=stream, highlight=False, markup=False, emoji=False))
     return lambda: stream.getvalue().splitlines()
 
 
