@@ -34,6 +34,7 @@ def run(
     system: System,
     time: Array,
     inputs: Mapping[str, Array] | None = None,
+    disturbances: Mapping[str, Array] | None = None,
     *,
     method: str = "gauss-seidel",
     record: Sequence[str] | None = None,
@@ -41,7 +42,6 @@ def run(
     feedthrough: bool = True,
     tolerance: float | None = None,
     rates: Mapping[str, float] | None = None,
-    disturbances: Mapping[str, Array] | None = None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Run:
     """Run a system over given communication points.
@@ -56,6 +56,10 @@ def run(
         Communication points in s, increasing.
     inputs : Mapping of str to ndarray, shape (n,)
         By input of the system, or by ``member.variable``, in the FMU's units; what is missing keeps its start value.
+    disturbances : Mapping of str to ndarray, shape (n,)
+        What is added to connected inputs ``member.variable``, in their units, at every point and until the next: what
+        a model of the source leaves unexplained of a record, for instance. A disturbance is of the run, not of the
+        system; see :func:`orchestration.system.library.with_voltmeter`.
     method : {"gauss-seidel", "jacobi"}
         Members step one after another with the newest outputs there are, or all with those from the beginning.
     record : sequence of str, optional
@@ -70,10 +74,6 @@ def run(
         ``tolerance * (nominal + |value|)``; default one step.
     rates : Mapping of str to float
         Steps that a member makes for each step of the system: whole numbers, or 1/2, 1/3, ...
-    disturbances : Mapping of str to ndarray, shape (n,)
-        What is added to connected inputs ``member.variable``, in their units, at every point and until the next: what
-        a model of the source leaves unexplained of a record, for instance. A disturbance is of the run, not of the
-        system; see :func:`orchestration.system.library.with_voltmeter`.
     progress : callable
         Called with the number of points done, now and then.
 

@@ -38,7 +38,7 @@ def test_version(tmp_path):
 def test_the_line_for_a_command_in_the_help_is_the_first_of_its_own_help():
     for name, (line, place) in app._COMMANDS.items():
         module, _, attribute = place.partition(":")
-        command = getattr(importlib.import_module(f"orchestration.cli.{module}"), attribute)
+        command = getattr(importlib.import_module(f"orchestration.cli.commands.{module}"), attribute)
         assert (command.info.help if name == "system" else command.__doc__.split("\n")[0]) == line
 
 
