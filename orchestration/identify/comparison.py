@@ -131,10 +131,8 @@ def compare(
         return Comparison(model, record, given, before, None, None)
     constant = {name: np.full(record.time.size, value) for name, value in given.items() if name in model.inputs}
     fixed = {name: value for name, value in given.items() if name in model.parameters}
-    result = fit(
-        cls, record.time, constant | inputs, measured, names, fixed,
-        lambda n, cost: progress(f"fitting {', '.join(names)}: {n} simulations"),
-    )  # fmt: skip
+    progress(f"fitting {', '.join(names)}")
+    result = fit(cls, record.time, constant | inputs, measured, names, fixed)
     progress("simulating with the fitted parameters")
     return Comparison(
         model, record, given, before, result, _judge(model, record.time, inputs, measured, given | result.values)
