@@ -6,17 +6,22 @@ import subprocess
 import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from fmus import component, effects
 from orchestration.discrepancy.candidates.candidate import catalogue
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.selection.search import Dataset
+from orchestration.discrepancy.pipeline import dataset
 from orchestration.experiment.waveforms import multilevel
+from orchestration.fmu.model import catalogue as known_effects
+from orchestration.fmu.model import find_model
+from orchestration.records import Record
+from orchestration.rig import DRIVEN
 from orchestration.rig.emulator.bench import NOISE
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
+from orchestration.rig.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 
@@ -53,10 +58,10 @@ def once(count: int) -> None:
     force = multilevel(instants, [0.4, 1.0, 1.8, 2.8], (10.0, 30.0), 2)
     hidden = partial(SaturatingStrain, saturation=0.4)
     rig = EmulatedRig(RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0, hidden=hidden)
-    measured = rig.run(instants, current, force)
-    cls = component("ppy_actuator")
+    signals = {"current": current, "force": force} | rig.run(instants, current, force)
+    record, model = Record(instants, signals, UNITS, Path("drawn.csv")), find_model(DRIVEN)
     began = time.perf_counter()
-    data = Dataset(instants, {"current": current, "force": force}, measured)
-    found = diagnose(cls, data, catalogue(cls, effects("ppy_actuator"), measured))
+    data = dataset(record, model, {})
+    diagnosis = diagnose(model.cls, data, catalogue(model.cls, known_effects(model.cls), data.measured))
     seconds = time.perf_counter() - began
-    print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, (found.causes or ["nothing"])[0])
+    print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, (diagnosis.causes or ["nothing"])[0])

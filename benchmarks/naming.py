@@ -98,44 +98,44 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     records : Path, optional
         Folder where drawn records are kept.
     """
-    from fmus.ppy_actuator.effects import EFFECTS
-    from fmus.ppy_actuator.model import PpyActuator
+    from orchestration.api.records import read_record
     from orchestration.discrepancy.candidates.candidate import catalogue
     from orchestration.discrepancy.diagnosis import diagnose
-    from orchestration.discrepancy.selection.search import Dataset
+    from orchestration.discrepancy.pipeline import dataset
+    from orchestration.fmu.model import catalogue as known_effects
+    from orchestration.fmu.model import find_model
     from orchestration.identify.metrics import normalised_rms
-    from orchestration.records import read_record
-    from orchestration.rig.emulator.bench import NOISE
-    from orchestration.rig.emulator.records import UNITS, draw, write
+    from orchestration.rig import DRIVEN
+    from orchestration.rig.emulator.records import draw, write
 
     try:
         drawn = draw(case.hidden, case.seed, cache=records, **case.options)
     except ValueError as error:
         return asdict(case) | {"impossible": str(error)}
+    model = find_model(DRIVEN)
     with tempfile.TemporaryDirectory() as folder:
         write(drawn, Path(folder) / "record.csv")
-        record = read_record(Path(folder) / "record.csv", UNITS, inputs=["current", "force"])
-    inputs = {n: v for n, v in record.signals.items() if n in ("current", "force")}
-    measured = {n: v for n, v in record.signals.items() if n in NOISE}
+        data = dataset(read_record(Path(folder) / "record.csv", model), model, {})
     began = clock.perf_counter()
-    found = diagnose(PpyActuator, Dataset(record.time, inputs, measured), catalogue(PpyActuator, EFFECTS, measured))
+    # what follows in the pipeline, an FMU and an experiment, names nothing
+    diagnosis = diagnose(model.cls, data, catalogue(model.cls, known_effects(model.cls), data.measured))
     took = clock.perf_counter() - began
-    first = found.validation.first
-    best = {o: normalised_rms(y[first:], drawn.truth.outputs[o][first:]) for o, y in measured.items()}
+    first = diagnosis.validation.first
+    best = {o: normalised_rms(y[first:], drawn.truth.outputs[o][first:]) for o, y in data.measured.items()}
     inside = {
         n: bool(e.interval[0] <= getattr(drawn.truth.parameters, n) <= e.interval[1])
-        for n, e in found.estimates.items() if n in asdict(drawn.truth.parameters) and np.isfinite(e.interval).all()
+        for n, e in diagnosis.estimates.items() if n in asdict(drawn.truth.parameters) and np.isfinite(e.interval).all()
     }  # fmt: skip
     return asdict(case) | {
         "wanted": [h.id + (f"({h.output})" if h.output else "") for h in drawn.truth.hidden],
         "alike": any(h.alike for h in drawn.truth.hidden),
         "widths": [h.widths for h in drawn.truth.hidden],
-        "verdict": found.verdict,
-        "causes": found.causes,
-        "rivals": [[e.effect_name for e in s.alternatives] for s in found.selection.steps],
-        "gains": [s.gain for s in found.selection.steps],
-        "differing": found.changed,
-        "ratio": max(error / best[o] for o, error in found.after.items()),
+        "verdict": diagnosis.verdict,
+        "causes": diagnosis.causes,
+        "rivals": [[e.effect_name for e in s.alternatives] for s in diagnosis.selection.steps],
+        "gains": [s.gain for s in diagnosis.selection.steps],
+        "differing": diagnosis.changed,
+        "ratio": max(error / best[o] for o, error in diagnosis.after.items()),
         "inside": inside,
         "seconds": took,
     }  # fmt: skip
@@ -240,8 +240,8 @@ def _digest() -> str:
     """Name the code that makes the diagnoses."""
     digest = hashlib.sha256()
     for place in _CODE:
-        found = [ROOT / place] if (ROOT / place).is_file() else sorted((ROOT / place).rglob("*.*"))
-        for file in found:
+        files = [ROOT / place] if (ROOT / place).is_file() else sorted((ROOT / place).rglob("*.*"))
+        for file in files:
             if file.suffix in (".py", ".c", ".h"):
                 digest.update(file.read_bytes())
     return digest.hexdigest()[:16]

@@ -32,11 +32,11 @@ _COMMANDS = {
     ),
     "diagnose": (
         "Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.",
-        "diagnose_command:diagnose",
+        "diagnose:diagnose",
     ),
     "demo": (
         "Do everything once: build, run the thesis's experiments, compare with an emulated rig, recalibrate, report.",
-        "demo_command:demo",
+        "demo:demo",
     ),
     "thesis": (
         "Recompute the thesis: every table and simulated figure, what holds, what does not and why.",
@@ -61,7 +61,7 @@ class _Commands(TyperGroup):
         if self._listing:
             return TyperCommand(cmd_name, help=summary)
         module, _, name = place.partition(":")
-        found = getattr(import_module(f"orchestration.cli.{module}"), name)
+        found = getattr(import_module(f"orchestration.cli.commands.{module}"), name)
         if not isinstance(found, typer.Typer):
             function, found = found, typer.Typer(rich_markup_mode="rich", add_completion=False)
             found.command(cmd_name)(function)

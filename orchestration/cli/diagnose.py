@@ -10,7 +10,7 @@ from pathlib import Path
 from fmus.kit.errors import UserError
 from orchestration.api.diagnosis import DiagnosisResult, diagnose
 from orchestration.api.records import read_record
-from orchestration.cli.models import model_file, open_model
+from orchestration.cli.models import model_file, note_neutral, open_model
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy.extended_model import destinations
 from orchestration.discrepancy.report import terminal
@@ -91,6 +91,7 @@ def run(
     """
     files.check([file] if (file := model_file(name)) else [])
     model = open_model(name, effects=effects)
+    note_neutral(model, [text.partition("=")[0].strip() for text in settings])
     renamed = parse_mapping(mapping)
     record, holdout = read_record(files.record, model, renamed), None
     tell_repairs(record.repairs)

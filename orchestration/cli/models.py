@@ -67,3 +67,22 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
             raise UserError(f"--set {name}: the record has a column for it; leave out one of the two")
         if name not in signals and name not in parameters:
             warn(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")
+
+
+def note_neutral(model: Model, parameters: Collection[str]) -> None:
+    """Tell which effects a fit starts without: from the value that switches an effect off it may not find away.
+
+    Parameters
+    ----------
+    model : Model
+    parameters : collection of str
+        What is set.
+    """
+    from fmus.kit.build.provenance import effect_name
+
+    if model.cls is None or not model.effects:
+        return
+    for effect in vars(model.cls)["stacked"][1]:
+        if effect_name(effect) in model.effects and effect.neutral not in parameters:
+            start = f"{effect.neutral} = {model.parameters[effect.neutral].start:g}"
+            note(f"a fit starts from {start}, without {effect_name(effect)}; --set starts it elsewhere")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -54,20 +53,23 @@ def complete_experiments(incomplete: str) -> list[str]:
     return [name for name in shipped() if name.startswith(incomplete)]
 
 
-def complete_effects(context: typer.Context, incomplete: str) -> Iterator[str]:
-    """Effects of the component that was named before, after those that are there already."""
+def complete_effects(context: typer.Context, incomplete: str) -> list[str]:
+    """Effects of the component that was named before, after those that are there already; no file is run for it."""
+    from fmus import component
     from orchestration.fmu.effects import known_effects
-    from orchestration.fmu.model import find_class
 
-    given = context.params.get("model") or context.params.get("name") or context.params.get("names") or "ppy_actuator"
-    before, _, last = incomplete.rpartition(",")
-    try:
-        known = known_effects(find_class(given if isinstance(given, str) else given[0]))
-    except ValueError:  # it is no time to complain about the name
-        return
-    yield from (f"{before},{name}" if before else name for name in known if name.startswith(last))
+    # while an option lacks its value, what was named before is among the arguments that are not sorted out yet
+    words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
+    name = next((word for word in words if word in COMPONENTS), None)
+    if name is None and context.command.name == "diagnose" and "--model" not in words:
+        name = DEFAULT_MODEL
+    if name is None:
+        return []
+    before, comma, last = incomplete.rpartition(",")
+    return [f"{before}{comma}{effect}" for effect in known_effects(component(name)) if effect.startswith(last)]
 
 
+DEFAULT_MODEL = "ppy_actuator"
 _MODEL = "A component (see ppy list), path/to/file.py:Class, or an .fmu file."
 _TIME = "such as 30s, 10ms or 2min, plain numbers in s; default the record's, else the FMU's own."
 Model = Annotated[str, typer.Argument(metavar="MODEL", help=_MODEL, autocompletion=complete_components)]

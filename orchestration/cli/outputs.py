@@ -69,7 +69,7 @@ class Outputs(NamedTuple):
 
 def same_file(a: Path, b: Path) -> bool:
     """Whether two names are, or would be, of one file."""
-    return a.absolute() == b.absolute() or (a.exists() and b.exists() and a.samefile(b))
+    return a.resolve() == b.resolve() or (a.exists() and b.exists() and a.samefile(b))
 
 
 def _exists(option: str, path: Path) -> bool:

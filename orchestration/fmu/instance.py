@@ -208,24 +208,6 @@ class Fmu:
             raise self.failed(f"step from {time:g} s", status)
         self.warnings += status
 
-    def set_slopes(self, names: Sequence[str], slopes: Array) -> None:
-        """Let real inputs change linearly over the next step.
-
-        Parameters
-        ----------
-        names : sequence of str
-        slopes : ndarray, shape (n,)
-            In the FMU's units per second.
-
-        Raises
-        ------
-        UserError
-            If the FMU refuses or cannot interpolate.
-        """
-        references = [self.variable(name).valueReference for name in names]
-        set_slopes, orders = self._slave.setRealInputDerivatives, [1] * len(references)
-        self._checked(f"setting the slopes of {', '.join(names)}", set_slopes, references, orders, slopes.tolist())
-
     def save(self) -> Any:
         """Return a copy of the whole state, to `restore` any number of times and to `release` in the end.
 
@@ -298,6 +280,33 @@ class Fmu:
                 row[where] = values[:]
 
         return read
+
+    def slope_writer(self, names: Sequence[str]) -> Callable[[Array], None]:
+        """Return a function that lets real inputs change linearly over the next step, given their slopes.
+
+        Parameters
+        ----------
+        names : sequence of str
+
+        Returns
+        -------
+        callable
+            Takes an array of shape (n,) in the FMU's units per second; UserError if the FMU refuses.
+        """
+        count = len(names)
+        references = (ctypes.c_uint * count)(*(self.variable(name).valueReference for name in names))
+        orders, slopes = (ctypes.c_int * count)(*[1] * count), (ctypes.c_double * count)()
+        types = ctypes.c_uint * count, ctypes.c_size_t, ctypes.c_int * count, ctypes.c_double * count
+        call = bind(self._slave.dll, "fmi2SetRealInputDerivatives", *types)
+
+        def write(row: Array) -> None:
+            slopes[:] = row.tolist()
+            status = call(self._slave.component, references, count, orders, slopes)
+            if status > fmi2.fmi2Warning:
+                raise self.failed(f"setting the slopes of {', '.join(names)}", status)
+            self.warnings += status
+
+        return write
 
     def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
         return transfers(self._slave.dll, verb, names, {name: self.variable(name) for name in names})

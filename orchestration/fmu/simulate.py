@@ -174,16 +174,17 @@ class _LinearInputs:
         self._fmu, self._feed, self._parts = fmu, feed, parts
         self._moving = np.array(moving, dtype=bool)
         self._names = [name for name, moves in zip(names, moving, strict=True) if moves]
-        self._interpolates = bool(fmu.description.coSimulation.canInterpolateInputs)
+        can = fmu.description.coSimulation.canInterpolateInputs
+        self._set_slopes = fmu.slope_writer(self._names) if self._names and can else None
 
     def step(self, start: float, end: float, row: Array, next_row: Array) -> None:
         """Go from inputs `row` (m,) at `start` to `next_row` at `end`, in seconds."""
         slopes = np.where(self._moving, next_row - row, 0.0) / (end - start)
         ends = [start + (end - start) * part / self._parts for part in range(self._parts)] + [end]
         for begin, until in pairwise(ends):
-            if self._names and self._interpolates:
+            if self._set_slopes is not None:
                 self._feed(row + slopes * (begin - start))
-                self._fmu.set_slopes(self._names, slopes[self._moving])
+                self._set_slopes(slopes[self._moving])
             elif self._names:
                 self._feed(row + slopes * (0.5 * (begin + until) - start))
             self._fmu.step(begin, until - begin)

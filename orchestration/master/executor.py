@@ -32,8 +32,8 @@ class Executor:
     structure : Structure
         Everything that is fed and read.
     connections : sequence of Connection
-    external : Mapping of Port to list of float
-        Values from outside at all communication points.
+    external, disturbances : Mapping of Port to list of float
+        Values from outside at all communication points, and what is added to connected inputs.
     settings : Settings
     clock : Clock
 
@@ -53,11 +53,13 @@ class Executor:
 
     def __init__(
         self, members: Sequence[Instance], structure: Structure, connections: Sequence[Connection],
-        external: Mapping[Port, list[float]], settings: Settings, clock: Clock,
+        external: Mapping[Port, list[float]], disturbances: Mapping[Port, list[float]], settings: Settings,
+        clock: Clock,
     ):  # fmt: skip
         self.members, self.structure, self.settings, self.clock = members, structure, settings, clock
         self._by_name = {member.name: member for member in members}
-        self._external = external
+        self._external, self._disturbances = external, disturbances
+        self._point = 0  # whose values from outside are in the inputs
         names = [member.name for member in members]
         self._complete_plan = plan(structure, names)
         self.order = order(structure)
@@ -140,6 +142,7 @@ class Executor:
         return ExchangeStage(
             [(c.target, c.source) for c in connections if (c.factor, c.offset) == (1.0, 0.0)],
             [c for c in connections if (c.factor, c.offset) != (1.0, 0.0)],
+            [(self.inputs.at[port], self._disturbances[port]) for port in ports if port in self._disturbances],
             [(self.inputs.at[port], self._external[port]) for port in ports if port in self._external],
             [],
         )
@@ -187,7 +190,7 @@ class Executor:
         stage.calls.extend(self._moving("Set", member, ports))
 
         def refresh() -> int:
-            self.exchange([stage], 0)
+            self.exchange([stage], self._point)
             return 0
 
         return refresh
@@ -197,6 +200,7 @@ class Executor:
         closing = [self._connections[port] for port in loop.inputs]
         targets, sources = np.array([c.target for c in closing]), np.array([c.source for c in closing])
         factors, offsets = np.array([c.factor for c in closing]), np.array([c.offset for c in closing])
+        added = [(k, self._disturbances[p]) for k, p in enumerate(loop.inputs) if p in self._disturbances]
         members = [m for m in self.members if any(port.member == m.name for port in loop.outputs)]
         calls = []
         for verb, ports in (("Set", loop.inputs), ("Get", loop.outputs)):
@@ -209,6 +213,8 @@ class Executor:
             inputs.values[targets] = v
             self._carry_out(calls)
             returned: Array = factors * outputs.values[sources] + offsets
+            for k, column in added:
+                returned[k] += column[self._point]
             return returned
 
         kinds = {type_of(self._by_name[port.member].fmu.variables[port.variable]) for port in loop.inputs}
@@ -223,7 +229,7 @@ class Executor:
                 raise UserError(f"{describe(loop)}, at {self.clock.end:.10g} s: {error}") from error
             return 0
 
-        schedule.stages.append(ExchangeStage([], [], [], [MemberCall(solve, members[0], "solving")]))
+        schedule.stages.append(ExchangeStage([], [], [], [], [MemberCall(solve, members[0], "solving")]))
         self.loops.append((loop, fixed_point))
         self.saved_states.append(saved)
 
@@ -263,7 +269,8 @@ class Executor:
             If a member fails, gives something that is no number to another, or a loop cannot be solved.
         """
         inputs, outputs = self.inputs.cells, self.outputs.cells
-        for copies, scaled, external, calls in stages:
+        self._point = k
+        for copies, scaled, disturbances, external, calls in stages:
             for target, source in copies:
                 value = outputs[source]
                 if value - value:  # not a number, or infinite
@@ -274,6 +281,8 @@ class Executor:
                 if value - value:
                     self._not_finite(source)
                 inputs[target] = value
+            for target, column in disturbances:
+                inputs[target] += column[k]
             for target, column in external:
                 inputs[target] = column[k]
             for call, member, doing in calls:

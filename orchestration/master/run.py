@@ -21,7 +21,7 @@ from orchestration.master.instances import Clock, SavedState
 from orchestration.master.interrupt import Interrupt, deferred
 from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
 from orchestration.master.schedule import Settings
-from orchestration.master.setup import check_abilities, external_values, open_members, structure
+from orchestration.master.setup import check_abilities, disturbance_values, external_values, open_members, structure
 from orchestration.master.step_control import StepDoubling
 from orchestration.system.check import check
 from orchestration.system.model import Port, System
@@ -34,6 +34,7 @@ def run(
     system: System,
     time: Array,
     inputs: Mapping[str, Array] | None = None,
+    disturbances: Mapping[str, Array] | None = None,
     *,
     method: str = "gauss-seidel",
     record: Sequence[str] | None = None,
@@ -55,6 +56,10 @@ def run(
         Communication points in s, increasing.
     inputs : Mapping of str to ndarray, shape (n,)
         By input of the system, or by ``member.variable``, in the FMU's units; what is missing keeps its start value.
+    disturbances : Mapping of str to ndarray, shape (n,)
+        What is added to connected inputs ``member.variable``, in their units, at every point and until the next: what
+        a model of the source leaves unexplained of a record, for instance. A disturbance is of the run, not of the
+        system; see :func:`orchestration.system.library.with_voltmeter`.
     method : {"gauss-seidel", "jacobi"}
         Members step one after another with the newest outputs there are, or all with those from the beginning.
     record : sequence of str, optional
@@ -92,9 +97,12 @@ def run(
         raise UserError(f"extrapolation {extrapolation!r}: 0 (inputs are held) or 1 (they change linearly)")
     if tolerance is not None and not (isinstance(tolerance, Real) and 0.0 < tolerance < 1.0):
         raise UserError(f"tolerance {tolerance!r}: must be a number between 0 and 1")
+    if disturbances and extrapolation:
+        raise UserError("disturbances are held from point to point, and do not go with extrapolation 1")
     fractions = {name: _rate(system.member(name).name, value) for name, value in (rates or {}).items()}
     settings = Settings(method == "gauss-seidel", extrapolation, feedthrough, tolerance is not None, fractions)
     external = external_values(system, inputs or {}, len(points))
+    disturbed = disturbance_values(system, disturbances or {}, len(points))
     with ExitStack() as opened:
         members = open_members(system, opened)
         check_abilities(members, points, settings)
@@ -102,7 +110,7 @@ def run(
         clock = Clock()
         clock.set(points[0], points[0])
         enter(members, points[0], points[-1])
-        executor = Executor(members, who_feeds_whom, system.connections, external, settings, clock)
+        executor = Executor(members, who_feeds_whom, system.connections, external, disturbed, settings, clock)
         opened.callback(_release, executor.saved_states)
         notes = initialize(executor)
         return _Runner(executor, points, recorded, tolerance, progress, notes).run()

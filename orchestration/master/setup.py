@@ -86,19 +86,43 @@ def external_values(system: System, inputs: Mapping[str, Array], points: int) ->
     for name, values in inputs.items():
         if name not in system.inputs and "." not in name:
             raise UserError(f"system {system.name}: no input named {name!r}{suggestion(name, system.inputs)}")
-        array = np.asarray(values, dtype=float)
-        if array.shape != (points,):
-            raise UserError(f"input {name}: shape {array.shape} for {points} communication points; one value for each")
-        if not np.isfinite(array).all():
-            k = int(np.argmin(np.isfinite(array)))
-            raise UserError(f"input {name}: {array[k]:g} at point {k} is no finite number")
+        column = _column(f"input {name}", values, points)
         for port in system.inputs.get(name) or (system.port(name),):
             if port in values_of:
                 raise UserError(f"input {name}: {port} is fed by another input already")
             if port in connected:
                 raise UserError(f"input {name}: {port} is fed by {connected[port]} already")
-            values_of[port] = array.tolist()
+            values_of[port] = column
     return values_of
+
+
+def disturbance_values(system: System, disturbances: Mapping[str, Array], points: int) -> dict[Port, list[float]]:
+    """What is added to each connected input that is disturbed.
+
+    Raises
+    ------
+    UserError
+        If a name is no connected input of a member, or values do not fit.
+    """
+    connected = {connection.target for connection in system.connections}
+    values_of = {}
+    for name, values in disturbances.items():
+        port = system.port(name)
+        if port not in connected:
+            raise UserError(f"disturbance {name}: is no connected input; what nothing is connected to is driven")
+        values_of[port] = _column(f"disturbance {name}", values, points)
+    return values_of
+
+
+def _column(what: str, values: Array, points: int) -> list[float]:
+    array = np.asarray(values, dtype=float)
+    if array.shape != (points,):
+        raise UserError(f"{what}: shape {array.shape} for {points} communication points; one value for each")
+    if not np.isfinite(array).all():
+        k = int(np.argmin(np.isfinite(array)))
+        raise UserError(f"{what}: {array[k]:g} at point {k} is no finite number")
+    column: list[float] = array.tolist()
+    return column
 
 
 def structure(

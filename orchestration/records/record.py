@@ -1,13 +1,21 @@
 """What reading a file yields: the record itself and the lines that say what was repaired or noticed."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.reporting import pictures
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 REPAIRING_KINDS = frozenset(
     {"partial line", "missing time", "order", "duplicates", "filled hole", "masked", "infinite", "unit replaced"}
@@ -63,6 +71,55 @@ class Record:
     units: dict[str, str]
     source: Path
     repairs: list[Repair] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        seconds = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
+        signals = ", ".join(f"{name} [{self.units[name]}]" for name in self.signals)
+        lines = [f"{self.source.name}: {self.time.size} samples over {seconds:.6g} s: {signals}"]
+        lines += [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in self.repairs]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<Record {self.source.name}: {self.time.size} samples of {', '.join(self.signals)}>"
+
+    def _repr_html_(self) -> str:
+        from orchestration.reporting.plain import preformatted
+
+        return preformatted(str(self))
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the signals as a table over time.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        return pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw every signal over time, one panel each.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        figure, axes = pictures.panels(len(self.signals), self.source.name)
+        for axis, (name, values) in zip(axes, self.signals.items(), strict=True):
+            axis.plot(self.time, values, color=pictures.MEASURED, lw=1)
+            pictures.label(axis, name, self.units[name])
+        pictures.logarithmic(axes, self.time)
+        if path is not None:
+            pictures.save(figure, Path(path))
+        return figure
 
 
 def list_rows(rows: Iterable[int], limit: int = 5) -> str:

@@ -100,13 +100,13 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
     ----------
     title : str or None
     *columns : str
-        The last one takes the room that is left.
+        The first one holds names; where there is little room, the others wrap.
     right : collection of str
         Columns of numbers.
     """
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for k, column in enumerate(columns):
-        table.add_column(column, no_wrap=k + 1 < len(columns), justify="right" if column in right else "left")
+        table.add_column(column, no_wrap=k == 0, justify="right" if column in right else "left")
     return table
 
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.records.clock import GAP_FACTOR
 from orchestration.reporting.page import escaped
 
 Array = NDArray[np.float64]
+_GAP = 10.0  # times the steps on either side, from which on a line is broken
 MOST = 8000  # points of a trace; of more, the smallest and the largest of each of half as many bins are drawn
 _TITLE, _LEGEND, _STRIP, _BOTTOM = 26, 34, 18, 46  # pixels
 _GREY, _GRID, _INK = "#9aa5af", "#e3e8ec", "#1c2733"
@@ -105,7 +105,7 @@ def envelope(x: Array, y: Array) -> tuple[Array, Array]:
 def broken(x: Array, y: Array) -> tuple[Array, Array]:
     """Break a line where a record has a gap, so that nothing is drawn where nothing was measured."""
     step = np.diff(x, prepend=np.nan, append=np.nan)
-    after = np.flatnonzero(step[1:-1] > GAP_FACTOR * np.fmax(step[:-2], step[2:])) + 1
+    after = np.flatnonzero(step[1:-1] > _GAP * np.fmax(step[:-2], step[2:])) + 1
     return np.insert(x, after, 0.5 * (x[after] + x[after - 1])), np.insert(y, after, np.nan)
 
 

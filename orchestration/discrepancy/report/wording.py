@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
@@ -186,8 +185,3 @@ def experiment(design: DiscriminatingExperiment) -> str:
         f"No experiment within these limits that was looked at tells {pair} apart: BIC would fall by "
         f"{max(hardest.bic, 0.0):.1f} only."
     )
-
-
-def codes(notes: list[Note]) -> list[Mapping[str, str]]:
-    """Notes as JSON has them: code, subject and sentence."""
-    return [{"code": str(note.code), "subject": note.subject, "message": message(note)} for note in notes]

@@ -11,7 +11,7 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate, Score
 from orchestration.discrepancy.candidates.outlook import LinearisedModel
 from orchestration.discrepancy.candidates.score_test import ScoreDirection, score_directions, start_values
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.parallel import side_by_side
+from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.selection.search import Search
 from orchestration.identify.problem import Problem
 
@@ -23,16 +23,17 @@ _UNIDENTIFIABLE = 1e-6  # share of what an effect does, in power, below which ot
 def score(search: Search, below: FittedCandidate, effects: Sequence[type[Effect]]) -> ScoredModel:
     """Find where every effect would move a fitted model; it serves for what is laid over that model later, too."""
     directions: dict[type[Effect], tuple[Problem, list[ScoreDirection]]] = {}
+    counter = Counter(search.progress, "scoring effects", len(effects))
 
     def one(effect: type[Effect]) -> None:
         candidate = below.candidate.with_effect(effect)
-        search.progress(f"scoring {label(effect)}")
         try:
             problem = search.problem(candidate, own_parameters(effect), {**search.fixed, **below.fit.values})
             directions[effect] = problem, score_directions(problem, effect)
             problem.forget()
         except UserError as error:
             search.not_assessed[label(effect)] = Note(NoteCode.NOT_SIMULATED, label(effect), {"reason": str(error)})
+        counter.one_more()
 
     side_by_side(one, effects)
     return ScoredModel(below, directions)

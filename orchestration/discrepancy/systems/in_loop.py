@@ -74,8 +74,8 @@ class LoopSimulation(MemberSimulation):
         self.parts *= 2
         return {o: float(np.hypot(u, np.sqrt(np.mean((coarse[o] - simulated[o]) ** 2)))) for o, u in of_inputs.items()}
 
-    def _run(self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None) -> Array:
-        """Outputs at the samples, (n, k); the corrections are what is thinned out and disturbed."""
+    def _run(self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None) -> dict[str, Array]:
+        """Real outputs at the samples, (n,) each; the corrections are what is thinned out and disturbed."""
         result = np.full((self.time.size, len(self.outputs)), np.nan)
         with ExitStack() as stack:
             members = {self.name: _Instance(self, values, stack)}
@@ -94,7 +94,7 @@ class LoopSimulation(MemberSimulation):
                             result[k] = own.output_values[read]
                         if size:
                             member.step(now + part * size, size)
-        return result
+        return dict(zip(self.outputs, result.T, strict=True))
 
     def _offsets(self, thinning: int, noise: np.random.Generator | None) -> dict[Connection, Array]:
         """What is added to the scaled output of every connection, (n,): its own offset, and the correction."""

@@ -15,10 +15,11 @@ from orchestration.discrepancy.systems.cut import IsolatedMember
 from orchestration.discrepancy.systems.inputs import MemberInputs
 from orchestration.fmu.archive import unpack
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
 from orchestration.system.check import interface
 
 Array = NDArray[np.float64]
-PARTS = 4  # steps between samples, so that an input can change from one to the next
+PARTS = 4  # steps between samples, so that an input can change linearly where the FMU cannot interpolate it
 _DRAWS = 2  # of noise on the inputs
 
 
@@ -102,35 +103,20 @@ class MemberSimulation:
             raise BudgetExceeded
         self.used += 1
         self.progress(self.used)
-        simulated = dict(zip(self.outputs, self._run(values, thinning, noise).T, strict=True))
+        simulated = self._run(values, thinning, noise)
         for output, column in simulated.items():
             if not np.isfinite(column).all():
                 raise UserError(f"{self.name}: {output} is not a finite number")
         return simulated
 
-    def _run(self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None) -> Array:
-        """Outputs at the samples, (n, k)."""
-        outputs, at = self.outputs, self.inputs.at_samples(thinning, noise)
-        parts = PARTS if (linear := bool(self.inputs.linear)) else 1
-        shares = (np.arange(PARTS) + 0.5) / PARTS  # each part of a step has the values of its middle
-        between = at[:-1] + shares[:, np.newaxis, np.newaxis] * self.inputs.changes(at)
-        result = np.full((self.time.size, len(outputs)), np.nan)
+    def _run(self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None) -> dict[str, Array]:
+        """Real outputs at the samples, (n,) each."""
+        columns = self.inputs.at_samples(thinning, noise).T
+        inputs, linear = dict(zip(self.inputs.names, columns, strict=True)), self.inputs.linear
         with Fmu(self.isolated.member.fmu, self.start_values(values), folder=self.folder) as fmu:
             fmu.start(float(self.time[0]), float(self.time[-1]))
-            feed, read = fmu.writer(self.inputs.names), fmu.reader(outputs)
-            points = self.time.tolist()
-            for k, now in enumerate(points):
-                feed(at[k])
-                read(result[k])
-                if k + 1 == len(points):
-                    break
-                size = (points[k + 1] - now) / parts
-                for part in range(parts):
-                    if linear:
-                        feed(between[part, k])
-                    begin = now + part * size
-                    fmu.step(begin, size if part + 1 < parts else points[k + 1] - begin)
-        return result
+            exact = not linear or fmu.description.coSimulation.canInterpolateInputs
+            return simulate_instance(fmu, self.time, inputs, self.outputs, linear=linear, parts=1 if exact else PARTS)
 
     def input_uncertainty(self, simulated: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, float]:
         """How uncertain measured outputs are because inputs are noisy and known at the samples only.

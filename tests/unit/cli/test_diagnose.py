@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import os
 import re
@@ -14,10 +13,10 @@ import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.cli.diagnose import Files
-from orchestration.records import write_record
-from orchestration.rig.emulator.records import UNITS, draw, write
+from orchestration.rig.emulator.records import draw, write
 from tests.support.command import ppy, works
-from tests.support.diagnosis import FEW, SHORT
+from tests.support.diagnosis import FEW, SHORT, broken_off
+from tests.support.pages import words_of
 
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
 STAGE = Path(__file__).parents[3] / "examples" / "positioning_stage.py"
@@ -64,21 +63,6 @@ def test_the_file_of_the_model_is_not_overwritten(tmp_path):
     for option in (["--json", "stage.py"], ["--fmu", "s.fmu", "--json", "s.fmu"]):
         message = fails("diagnose", "record.csv", "--model", "stage.py:PositioningStage", *option, cwd=tmp_path)
         assert "will not be overwritten" in message or "both name" in message
-
-
-def words_of(page):
-    """What is to be read on a page."""
-    text = re.sub(r"<(script|style|noscript).*?</\1>", "", page, flags=re.S)
-    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", text)).split())
-
-
-def broken_off(path, seed, columns):
-    """Write a record of the rig, with other names for its columns, that was broken off in the middle of a line."""
-    drawn = draw("strain_saturation", seed, **SHORT)
-    signals = {columns[n]: v for n, v in (drawn.inputs | drawn.outputs).items()}
-    write_record(path, drawn.time, signals, {column: UNITS[n] for n, column in columns.items()})
-    with path.open("a", encoding="utf-8") as file:
-        file.write("300.0,0.")
 
 
 def test_the_command_writes_a_report_of_another_record(tmp_path):

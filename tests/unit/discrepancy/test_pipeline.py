@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,21 +14,12 @@ from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import Options, dataset, diagnose
 from orchestration.fmu.model import find_model
-from orchestration.records import Record
-from orchestration.rig.emulator.records import UNITS, draw
-from tests.support.diagnosis import SHORT
+from tests.support.diagnosis import rig_record
 
 
 @pytest.fixture(scope="module")
 def actuator():
     return find_model("ppy_actuator")
-
-
-def measured(hidden=None, *signals, **options):
-    """A record of the rig as if it had been read, of some signals or all of them."""
-    drawn = draw(hidden, 1, **SHORT | options)
-    signals = {n: v for n, v in (drawn.inputs | drawn.outputs).items() if not signals or n in signals}
-    return Record(drawn.time, signals, {n: UNITS[n] for n in signals}, Path("lab record.csv"))
 
 
 def at_rest(record):
@@ -42,7 +32,7 @@ def at_rest(record):
 
 
 def test_inputs_and_outputs_of_a_record_are_those_of_the_model(actuator):
-    record = measured()
+    record = rig_record()
     data = dataset(record, actuator, {})
     assert (set(data.inputs), set(data.measured)) == ({"current", "force"}, {"voltage", "displacement"})
     assert all(data.inputs[n] is record.signals[n] for n in data.inputs)
@@ -51,7 +41,7 @@ def test_inputs_and_outputs_of_a_record_are_those_of_the_model(actuator):
 
 
 def test_an_input_that_is_absent_is_constant(actuator):
-    record = measured(None, "current", "voltage")
+    record = rig_record(None, "current", "voltage")
     assert np.array_equal(dataset(record, actuator, {}).inputs["force"], np.zeros(record.time.size))
     given = dataset(record, actuator, {"force": 0.7, "R1": 0.5}).inputs
     assert set(given) == {"current", "force"}
@@ -59,11 +49,11 @@ def test_an_input_that_is_absent_is_constant(actuator):
 
 
 def test_what_is_given_of_an_input_goes_before_what_was_recorded(actuator):
-    assert set(dataset(measured(), actuator, {"force": 0.7}).inputs["force"]) == {0.7}
+    assert set(dataset(rig_record(), actuator, {"force": 0.7}).inputs["force"]) == {0.7}
 
 
 def test_an_absent_input_is_noted_unless_it_is_given(actuator):
-    record, noted = measured(None, "current", "voltage"), []
+    record, noted = rig_record(None, "current", "voltage"), []
     for given in ({}, {"force": 0.7}):
         notes = diagnose(record, actuator, options=Options(given, effects=[])).notes
         noted.append([note for note in notes if note.code is NoteCode.ABSENT_INPUT])
@@ -75,7 +65,7 @@ def test_an_absent_input_is_noted_unless_it_is_given(actuator):
 
 
 def test_a_cause_comes_with_its_model_and_its_gain(actuator):
-    result = diagnose(measured("strain_saturation"), actuator, options=Options(effects=["strain_saturation"]))
+    result = diagnose(rig_record("strain_saturation"), actuator, options=Options(effects=["strain_saturation"]))
     assert result.diagnosis.verdict is Verdict.CAUSE
     assert "strain_saturation_coefficient" in {p.name for p in result.component.layout.parameters}
     assert result.gain.before == pytest.approx(result.diagnosis.before, rel=1e-6)
@@ -85,7 +75,7 @@ def test_a_cause_comes_with_its_model_and_its_gain(actuator):
 
 def test_where_nothing_moves_there_is_no_model_but_an_experiment(actuator):
     limits = {"current": (-1.0, 1.0), "force": (0.0, 2.0)}
-    result = diagnose(at_rest(measured()), actuator, options=Options(effects=[], limits=limits))
+    result = diagnose(at_rest(rig_record()), actuator, options=Options(effects=[], limits=limits))
     assert result.diagnosis.inconclusive
     assert (result.component, result.gain) == (None, None)
     assert result.experiment.limits == limits
@@ -93,8 +83,8 @@ def test_where_nothing_moves_there_is_no_model_but_an_experiment(actuator):
 
 
 def test_another_record_is_what_is_judged_by(actuator):
-    other = measured("strain_saturation", "current", "force", "voltage")
-    result = diagnose(measured(), actuator, other, Options(effects=[]))
+    other = rig_record("strain_saturation", "current", "force", "voltage")
+    result = diagnose(rig_record(), actuator, other, Options(effects=[]))
     assert list(result.gain.after) == ["voltage"]
     assert not result.diagnosis.validation.continued
     assert result.holdout is other
@@ -109,7 +99,7 @@ def test_another_record_is_what_is_judged_by(actuator):
     ],
 )
 def test_effects_are_considered_by_id_or_by_output(actuator, wanted, considered):
-    result = diagnose(at_rest(measured()), actuator, options=Options(effects=wanted))
+    result = diagnose(at_rest(rig_record()), actuator, options=Options(effects=wanted))
     assert [label(effect) for effect in result.effects] == considered
 
 
@@ -119,7 +109,7 @@ def test_what_fails_afterwards_does_not_take_the_diagnosis_with_it(actuator, mon
 
     monkeypatch.setattr(pipeline, "measured_gain", fails)
     monkeypatch.setattr(pipeline, "design", fails)
-    moving, idle = (diagnose(r, actuator, options=Options(effects=[])) for r in (measured(), at_rest(measured())))
+    moving, idle = (diagnose(r, actuator, options=Options(effects=[])) for r in (rig_record(), at_rest(rig_record())))
     assert moving.gain is None
     assert Note(NoteCode.FMU_FAILED, "", {"reason": "no compiler"}) in moving.notes
     assert idle.experiment is None
@@ -139,15 +129,15 @@ def test_what_fails_afterwards_does_not_take_the_diagnosis_with_it(actuator, mon
 )
 def test_names_that_are_unknown_are_refused(actuator, options, message):
     with pytest.raises(UserError, match=message):
-        diagnose(measured(), actuator, options=options)
+        diagnose(rig_record(), actuator, options=options)
 
 
 def test_a_model_without_equations_is_refused(actuator):
     with pytest.raises(UserError, match=r"ppy_actuator is an FMU without equations; name a component or file\.py"):
-        diagnose(measured(), replace(actuator, cls=None))
+        diagnose(rig_record(), replace(actuator, cls=None))
 
 
 def test_a_record_to_judge_by_must_have_an_output_of_the_other(actuator):
-    other = measured(None, "current", "displacement")
+    other = rig_record(None, "current", "displacement")
     with pytest.raises(UserError, match=r"lab record\.csv: it has none of the outputs of the record, voltage"):
-        diagnose(measured(None, "current", "voltage"), actuator, other, Options(effects=[]))
+        diagnose(rig_record(None, "current", "voltage"), actuator, other, Options(effects=[]))

@@ -15,6 +15,7 @@ from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
 from orchestration.master import Stopped, run
+from orchestration.system import library
 from orchestration.system.model import Member, Port, System, connect
 from tests.contract.models import Sampler
 from tests.support.hosts import finish_in_subprocess
@@ -263,6 +264,56 @@ def test_order_where_no_fmu_can_interpolate(tmp_path, method):
 def test_one_after_another_is_better_than_all_at_once(chain):
     for steps in (160, 640):
         assert chain_error(chain, steps, method="gauss-seidel") < 0.8 * chain_error(chain, steps, method="jacobi")
+
+
+# --- disturbances -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "jacobi"])
+def test_a_disturbance_is_added_to_what_is_connected(member, method):
+    """The source rests at 0.5, so that the input is 2 times that, and 1, and what is added, held over each step."""
+    disturbance = np.random.default_rng(0).standard_normal(TIME.size)
+    parameters = {"a": {"start": 0.5, "u": 0.5}, "b": {"start": 1.0, "tau": TAU["b"]}}
+    system = ring(member, parameters, "a.x -> 2 b.u + 1")
+    found = run(system, TIME, disturbances={"b.u": disturbance}, record=["b.x", "b.u"], method=method).signals
+    wanted = [1.0]
+    for added in disturbance[:-1]:
+        wanted.append(lag(wanted[-1], 2.0 + added, DECAY["b"]))
+    assert found["b.u"] == pytest.approx(2.0 + disturbance, abs=1e-14)
+    assert found["b.x"] == pytest.approx(np.array(wanted), abs=1e-14)
+
+
+def test_a_disturbance_is_what_a_voltmeter_adds():
+    watch = library.system("degradation_watch")
+    time = 0.1 * np.arange(300)
+    inputs = {"current_command": np.where(time % 5.0 < 2.5, 1.3, -1.3)}
+    noise, record = 0.02 * np.random.default_rng(1).standard_normal(time.size), ["actuator.voltage", "estimator.R2"]
+    measured = library.with_voltmeter(watch, "actuator.voltage")
+    one = run(measured, time, inputs | {"voltage_error": noise}, record=record, method="jacobi").signals
+    both = {"galvanostat.voltage": noise, "estimator.voltage": noise}
+    other = run(watch, time, inputs, disturbances=both, record=record, method="jacobi").signals
+    for name, values in one.items():
+        assert np.array_equal(other[name], values)
+
+
+def test_a_disturbance_within_a_loop(member):
+    """a_y = a_u / 2, b_y = 2 b_u, a_u = -b_y + d and b_u = a_y: a_u = d / 2."""
+    parameters = {name: {"c": 0.0, "d": d, "e": 0.0} for name, d in (("a", 0.5), ("b", 2.0))}
+    disturbance = np.linspace(-1.0, 2.0, TIME.size)
+    system = ring(member, parameters, "a.y -> b.u; b.y -> -1 a.u")
+    found = run(system, TIME, disturbances={"a.u": disturbance}, record=["a.u"]).signals
+    assert found["a.u"] == pytest.approx(disturbance / 2.0, abs=1e-9)
+
+
+def test_disturbances_that_cannot_be_added_are_refused(member):
+    system, zeros = ring(member, {"a": {}, "b": {}}, "a.x -> b.u", drive="a.u"), np.zeros(TIME.size)
+    for disturbances, options, message in (
+        ({"a.u": zeros}, {}, r"disturbance a\.u: is no connected input"),
+        ({"b.u": zeros[1:]}, {}, r"disturbance b\.u: shape \(\d+,\) for \d+ communication points"),
+        ({"b.u": zeros}, {"extrapolation": 1}, "do not go with extrapolation 1"),
+    ):
+        with pytest.raises(UserError, match=message):
+            run(system, TIME, disturbances=disturbances, **options)
 
 
 # --- algebraic loops ------------------------------------------------------------------------------------------------

@@ -146,10 +146,12 @@ def _show_effects(effects: Sequence[type[Effect]]) -> None:
     """Print what can be laid over a model; of measurements each kind once, with the outputs beneath."""
     from orchestration.reporting.console import out, plain_table
 
-    table = plain_table("effects, to be laid over it by --with", "effect", "what it is, and what it relaxes")
+    table = plain_table("effects that --with lays over it", "effect", "what it is (what it relaxes; what switches it)")
     for effect in {e.id: e for e in effects}.values():
-        name = f"{effect.id}(OUTPUT)" if effect.output else effect.id
-        table.add_row(name, f"{_first_line(effect)} ({_relaxes(effect)})")
+        name, switch = effect.id, effect.neutral
+        if effect.output:
+            name, switch = f"{effect.id}(OUTPUT)", switch.replace(effect.output, "OUTPUT")
+        table.add_row(name, f"{_first_line(effect)} ({_relaxes(effect)}; {switch})")
     out.print(table)
     if outputs := dict.fromkeys(e.output for e in effects if e.output):
         out.print(f"  OUTPUT is one of {', '.join(outputs)}", style="dim")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from fmus.kit.errors import UserError
 from orchestration.cli.options import (
+    DEFAULT_MODEL,
     Json,
     Map,
     ModelOption,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 def compare(
     record: Record,
-    model: ModelOption = "ppy_actuator",
+    model: ModelOption = DEFAULT_MODEL,
     effects: With = None,
     mapping: Map = None,
     settings: Set = None,
@@ -40,7 +41,7 @@ def compare(
     runtime: Runtime = "native",
 ) -> None:
     """Hold a model against a measured record: fit in percent, RMS error, whiteness; recalibrate with --fit."""
-    from orchestration.cli.models import check_inputs, model_file, open_model
+    from orchestration.cli.models import check_inputs, model_file, note_neutral, open_model
     from orchestration.identify import comparison as work
     from orchestration.records import parse_mapping
     from orchestration.reporting import pictures
@@ -59,6 +60,8 @@ def compare(
     data = work.read_for(opened, record, parse_mapping(mapping or []))
     tell_repairs(data.repairs)
     check_inputs(opened, data.signals, parameters)
+    if names:
+        note_neutral(opened, parameters)
     with progress() as tell:
         comparison = work.compare(opened, data, parameters, names, tell)
     with standard_output_for(result):

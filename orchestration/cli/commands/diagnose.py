@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from orchestration.cli.options import (
+    DEFAULT_MODEL,
     Json,
     Map,
     Platforms,
@@ -23,53 +24,61 @@ from orchestration.cli.options import (
 )
 from orchestration.cli.outputs import standard_output_for
 
+Model = Annotated[
+    str | None,
+    option(
+        "--model",
+        metavar="MODEL",
+        help="A component (see ppy list), path/to/file.py:Class, or an FMU built from these; default ppy_actuator.",
+        autocompletion=complete_components,
+    ),
+]
+Effects = Annotated[
+    str | None,
+    option(
+        "--effects",
+        help="Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates.",
+        autocompletion=complete_effects,
+    ),
+]
+Interpolate = Annotated[
+    bool, typer.Option("--interpolate", help="Inputs go linearly between samples; default each is held.")
+]
+Hold = Annotated[
+    str | None, option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set.")
+]
+Holdout = Annotated[
+    Path | None, option("--holdout", help="Another record to judge by; default the last third of the record.")
+]
+Report = Annotated[Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")]
+Fmu = Annotated[
+    Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
+]
+Experiment = Annotated[
+    Path | None, option("--experiment", help="Experiment (.toml) that would tell alternatives apart, for ppy run.")
+]
+System = Annotated[
+    Path | None,
+    option("--system", metavar="S.ssp", help="Judge every member of a system alone, cut where it was measured."),
+]
+
 
 def diagnose(
     record: Record,
-    model: Annotated[
-        str | None,
-        option(
-            "--model",
-            metavar="MODEL",
-            help="A component (see ppy list), path/to/file.py:Class, or an FMU built from these; default ppy_actuator.",
-            autocompletion=complete_components,
-        ),
-    ] = None,
+    model: Model = None,
     laid_over: With = None,
     mapping: Map = None,
     settings: Set = None,
-    effects: Annotated[
-        str | None,
-        option(
-            "--effects",
-            help="Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates.",
-            autocompletion=complete_effects,
-        ),
-    ] = None,
-    interpolate: Annotated[
-        bool, typer.Option("--interpolate", help="Inputs go linearly between samples; default each is held.")
-    ] = False,
-    hold: Annotated[
-        str | None, option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set.")
-    ] = None,
-    holdout: Annotated[
-        Path | None, option("--holdout", help="Another record to judge by; default the last third of the record.")
-    ] = None,
+    effects: Effects = None,
+    interpolate: Interpolate = False,
+    hold: Hold = None,
+    holdout: Holdout = None,
     result: Json = None,
-    report: Annotated[
-        Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")
-    ] = None,
-    fmu: Annotated[
-        Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
-    ] = None,
+    report: Report = None,
+    fmu: Fmu = None,
     platforms: Platforms = None,
-    experiment: Annotated[
-        Path | None, option("--experiment", help="Experiment (.toml) that would tell rivals apart, for ppy run.")
-    ] = None,
-    system: Annotated[
-        Path | None,
-        option("--system", metavar="S.ssp", help="Judge every member of a system alone, cut where it was measured."),
-    ] = None,
+    experiment: Experiment = None,
+    system: System = None,
 ) -> None:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen."""
     if system is not None:
@@ -97,6 +106,6 @@ def diagnose(
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):
         one_model.run(
-            files, model or "ppy_actuator", mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
+            files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
             comma_list(hold), interpolate, comma_list(laid_over),
         )  # fmt: skip

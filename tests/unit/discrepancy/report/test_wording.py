@@ -1,0 +1,293 @@
+"""Every note, whoever makes it, has a sentence with its facts; and why an effect was not named is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from string import Formatter
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmus.kit.errors import UserError
+from fmus.kit.sensors import sensor_gain
+from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy import diagnosis as diagnosing
+from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.holdout import ValidationData
+from orchestration.discrepancy.data.quality import assess
+from orchestration.discrepancy.data.screening import divided, drop_truncated, screened
+from orchestration.discrepancy.diagnosis import Verdict, diagnose
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.selection import scoring
+from orchestration.discrepancy.validation.prediction import predict, validated
+from orchestration.fmu.model import find_model
+from tests.support.diagnosis import coloured, rig_record, short_record
+
+Maker = Callable[[pytest.MonkeyPatch], list[Note]]
+SATURATION = EFFECTS["strain_saturation"]
+MAKERS: dict[NoteCode, Maker] = {}
+
+
+def makes(*codes: NoteCode) -> Callable[[Maker], Maker]:
+    """Register what makes notes of these codes."""
+
+    def register(maker: Maker) -> Maker:
+        MAKERS.update(dict.fromkeys(codes, maker))
+        return maker
+
+    return register
+
+
+def with_output(data: Dataset, output: str, values: np.ndarray) -> Dataset:
+    return replace(data, measured={**data.measured, output: values})
+
+
+def faults(data: Dataset) -> list[Note]:
+    return [fault.note for fault in assess(data)[1]]
+
+
+# --- faults of the data ---------------------------------------------------------------------------------------------
+
+
+@makes(NoteCode.CLIPPED)
+def clipped(monkeypatch):
+    data = short_record()
+    return faults(with_output(data, "voltage", np.clip(data.measured["voltage"], -0.8, 0.8)))
+
+
+def wave() -> Dataset:
+    """An output without noise."""
+    time = 0.1 * np.arange(2000)
+    return Dataset(time, {"u": np.sin(0.3 * time)}, {"y": np.sin(0.3 * time)})
+
+
+@makes(NoteCode.CLIPPED_REPEATEDLY)
+def clipped_repeatedly(monkeypatch):
+    return faults(with_output(wave(), "y", np.clip(wave().measured["y"], -1.0, 0.7)))
+
+
+def standing_still(data: Dataset, output: str, first: int, last: int) -> list[Note]:
+    values = data.measured[output].copy()
+    values[first:last] = values[first]
+    return faults(with_output(data, output, values))
+
+
+@makes(NoteCode.STUCK)
+def stuck(monkeypatch):
+    return standing_still(short_record(), "displacement", 500, 700)
+
+
+@makes(NoteCode.STUCK_WHILE_DRIVEN)
+def stuck_while_driven(monkeypatch):
+    return standing_still(wave(), "y", 800, 1000)
+
+
+@makes(NoteCode.DEAD_TO_THE_END, NoteCode.UNUSABLE)
+def dead_to_the_end(monkeypatch):
+    return standing_still(short_record(), "displacement", 100, 1500)
+
+
+@makes(NoteCode.DEAD_WHILE_DRIVEN)
+def dead_while_driven(monkeypatch):
+    return standing_still(wave(), "y", 1500, 2000)
+
+
+@makes(NoteCode.DEAD_CONSTANT, NoteCode.NOTHING_USABLE)
+def dead_constant(monkeypatch):
+    data = short_record()
+    return faults(replace(data, measured={"voltage": np.zeros(data.time.size)}))
+
+
+@makes(NoteCode.DEAD_TOGGLING)
+def dead_toggling(monkeypatch):
+    data = short_record()
+    return faults(with_output(data, "voltage", 1e-3 * np.random.default_rng(1).integers(0, 2, data.time.size)))
+
+
+@makes(NoteCode.OUTLIERS)
+def outliers(monkeypatch):
+    data = short_record()
+    moved = np.any([np.convolve(np.diff(u, prepend=u[0]) != 0.0, np.ones(5), "same") for u in data.inputs.values()], 0)
+    values = data.measured["displacement"].copy()
+    values[np.flatnonzero(~moved)[20]] += 2e-4
+    return faults(with_output(data, "displacement", values))
+
+
+@makes(NoteCode.QUANTISED)
+def quantised(monkeypatch):
+    data = short_record()
+    return faults(with_output(data, "voltage", np.round(data.measured["voltage"] / 0.05) * 0.05))
+
+
+# --- how far the data reach -----------------------------------------------------------------------------------------
+
+
+@makes(NoteCode.CONSTANT_INPUT, NoteCode.NO_EXCITATION)
+def constant_inputs(monkeypatch):
+    data = short_record()
+    return faults(replace(data, inputs={name: np.full_like(u, 0.5) for name, u in data.inputs.items()}))
+
+
+@makes(NoteCode.EXCITATION_BELOW_NOISE, NoteCode.UNKNOWN_START)
+def jitter(monkeypatch):
+    data = short_record()
+    inputs = {name: 0.5 + 1e-5 * coloured(0.0, k, u.size) for k, (name, u) in enumerate(data.inputs.items())}
+    noise = {name: 1e-3 * np.ptp(y) * coloured(0.0, 7, y.size) for name, y in data.measured.items()}
+    return diagnose(PpyActuator, Dataset(data.time, inputs, noise), []).notes
+
+
+@makes(NoteCode.ABSENT_INPUT)
+def absent_input(monkeypatch):
+    record = rig_record(None, "current", "voltage")
+    return pipeline.diagnose(record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+
+
+def with_gaps(step: int, output: str = "voltage") -> Dataset:
+    """Of an output only every so many samples, or all but those."""
+    data = short_record()
+    values = np.full(data.time.size, np.nan)
+    values[::step] = data.measured[output][::step]
+    return with_output(data, output, values)
+
+
+@makes(NoteCode.TOO_FEW_SAMPLES)
+def too_few_samples(monkeypatch):
+    return screened(PpyActuator, with_gaps(150), {})[1]
+
+
+@makes(NoteCode.MANY_GAPS)
+def many_gaps(monkeypatch):
+    return divided(PpyActuator, with_gaps(2), None, {}).notes
+
+
+@makes(NoteCode.ENDS_EARLY)
+def ends_early(monkeypatch):
+    data = short_record()
+    values = data.measured["voltage"].copy()
+    values[80:] = np.nan
+    return drop_truncated(with_output(data, "voltage", values))[1]
+
+
+@makes(NoteCode.NOT_IN_VALIDATION_DATA)
+def not_in_validation_data(monkeypatch):
+    return divided(PpyActuator, short_record(), short_record().only(["voltage"]), {}).notes
+
+
+# --- effects --------------------------------------------------------------------------------------------------------
+
+
+@makes(NoteCode.NO_TRACE)
+def no_trace(monkeypatch):
+    return diagnose(PpyActuator, short_record().only(["voltage"]), [SATURATION]).notes
+
+
+@makes(NoteCode.UNIDENTIFIABLE)
+def unidentifiable(monkeypatch):
+    data = short_record().only(["displacement"])
+    return diagnose(PpyActuator, data, [sensor_gain(PpyActuator, "displacement")]).notes
+
+
+@makes(NoteCode.NOT_SIMULATED)
+def not_simulated(monkeypatch):
+    monkeypatch.setattr(scoring, "score_directions", fails)
+    return diagnose(PpyActuator, short_record(), [SATURATION]).notes
+
+
+@makes(NoteCode.NOT_VALIDATED)
+def not_validated(monkeypatch):
+    """What is held out is just what the model without the effect says."""
+    diagnosis = diagnose(PpyActuator, short_record("strain_saturation"), [SATURATION])
+    validation = diagnosis.validation
+    exact = predict(validation, diagnosis.selection.base).simulated
+    judged_by = ValidationData(replace(validation.data, measured=exact), validation.first, validation.continued)
+    return validated(diagnosis.selection, judged_by)[2]
+
+
+@makes(NoteCode.CONFOUNDED)
+def confounded(monkeypatch):
+    monkeypatch.setattr(diagnosing, "CONFOUNDED_SHARE", 0.0)
+    effects = [SATURATION, EFFECTS["strain_lag"]]
+    return diagnose(PpyActuator, short_record("strain_saturation"), effects).notes
+
+
+# --- results --------------------------------------------------------------------------------------------------------
+
+
+def fails(*arguments: Any) -> Any:
+    raise UserError("for a reason")
+
+
+@makes(NoteCode.IMPLAUSIBLE)
+def implausible(monkeypatch):
+    data = short_record().only(["voltage"])
+    return diagnose(PpyActuator, with_output(data, "voltage", 1e3 * data.measured["voltage"]), []).notes
+
+
+@makes(NoteCode.NO_GAIN)
+def no_gain(monkeypatch):
+    monkeypatch.setattr(diagnosing, "DEGRADED", 0.0)
+    return diagnose(PpyActuator, short_record("strain_saturation"), [SATURATION]).notes
+
+
+@makes(NoteCode.FMU_FAILED)
+def fmu_failed(monkeypatch):
+    monkeypatch.setattr(pipeline, "measured_gain", fails)
+    return pipeline.diagnose(rig_record(), find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+
+
+@makes(NoteCode.NO_EXPERIMENT)
+def no_experiment(monkeypatch):
+    monkeypatch.setattr(pipeline, "design", fails)
+    record = rig_record()
+    still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
+    record = replace(record, signals=record.signals | still)
+    return pipeline.diagnose(record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+
+
+# --- sentences ------------------------------------------------------------------------------------------------------
+
+
+def other(fact: Any) -> Any:
+    """Another fact of the same kind."""
+    if isinstance(fact, str):
+        return f"another {fact}"
+    if isinstance(fact, tuple):
+        return (*fact, "another")
+    return {"another": 0.99} if isinstance(fact, dict) else 2 * fact + 1
+
+
+@pytest.mark.parametrize("code", NoteCode)
+def test_every_note_has_a_sentence_with_all_its_facts(code, monkeypatch):
+    note = next(note for note in MAKERS[code](monkeypatch) if note.code is code)
+    sentence = wording.message(note)
+    assert not set("{}") & set(sentence)
+    assert note.subject in sentence
+    needed = {name for _, name, _, _ in Formatter().parse(wording._NOTES[code]) if name} - {"subject"}
+    assert needed <= set(note.facts)
+    for name in needed:
+        changed = replace(note, facts={**note.facts, name: other(note.facts[name])})
+        assert wording.message(changed) != sentence, f"{name} is not in it"
+    assert wording.message(note.of_holdout()) == f"in the record held out: {sentence}"
+
+
+def test_every_code_and_every_verdict_has_its_words():
+    assert set(wording._NOTES) == set(NoteCode)
+    assert set(wording._VERDICTS) == set(Verdict)
+
+
+@pytest.mark.parametrize(
+    ("gains", "why"),
+    [
+        ([50.0, 2.0], "alone it lowers BIC by 50.0; beside a it is not needed"),
+        ([3.0], "too little: 10 would be evidence"),
+        ([-3.0], "it explains less than its parameters cost"),
+        ([99.0], "another explains the record much better"),
+    ],
+)  # fmt: skip
+def test_why_an_effect_is_not_named(gains, why):
+    assert wording.why_not(gains, "a") == why

@@ -1,0 +1,118 @@
+"""Claims: progress is told at once, then sparingly, with what is left to do; quiet and verbose mean what they say."""
+
+import contextlib
+import io
+import time
+
+import pytest
+
+from orchestration.reporting import console
+
+
+@pytest.fixture
+def told(monkeypatch):
+    """What is printed on standard error, which is no terminal."""
+    stream = io.StringIO()
+    monkeypatch.setattr(console, "_EVERY", 0.2)
+    monkeypatch.setattr(console, "err", console.Console(file=stream, highlight=False, markup=False, emoji=False))
+    return lambda: stream.getvalue().splitlines()
+
+
+def test_every_step_is_a_line_of_its_own(told):
+    with console.progress() as tell:
+        for k in range(10):
+            tell(f"step {k}")
+    assert told() == [f"step {k}" for k in range(10)]
+
+
+def test_a_short_step_tells_nothing_of_how_far_it_is(told):
+    with console.progress() as tell:
+        tell("simulating")
+        for k in range(1000):
+            tell.done(k, 1000)
+    time.sleep(0.3)  # nothing comes after the end
+    assert told() == ["simulating"]
+
+
+def test_a_long_step_tells_now_and_then_how_far_it_is_and_what_is_left(told):
+    with console.progress() as tell:
+        tell("simulating")
+        for k in range(28):
+            tell.done(k, 28)
+            time.sleep(0.025)
+    first, *rest = told()
+    assert first == "simulating"
+    assert 2 <= len(rest) <= 4  # 0.7 s, one line in 0.2 s
+    for line in rest:
+        assert line.startswith("simulating (")
+        assert " of 28" in line
+
+
+def test_time_left_follows_from_the_pace(told, monkeypatch):
+    clock = [1000.0]
+    monkeypatch.setattr(console, "monotonic", lambda: clock[0])
+    with console.progress() as tell:
+        tell("fitting")
+        clock[0] += 60.0
+        tell.done(7, 28, "fitting diffusion")
+    assert told()[1] == "fitting diffusion (7 of 28, 0:03:00 left)"
+
+
+def test_parts_are_told_at_first_and_a_part_that_lasts_is_told_late(told):
+    with console.progress() as tell:
+        tell("looking at effects")
+        for k in range(20):
+            tell.done(k, 20, f"effect {k}")
+        time.sleep(0.4)
+    lines = told()
+    assert lines[:2] == ["looking at effects", "effect 0 (0 of 20)"]
+    assert [line.split(" (")[0] for line in lines[1:5]] == [f"effect {k}" for k in range(4)]
+    assert [line.split(" (")[0] for line in lines[5:]] == ["effect 19"]
+
+
+def test_an_error_ends_what_was_told(told):
+    with contextlib.suppress(ValueError), console.progress() as tell:
+        tell("simulating")
+        tell.done(1, 2)
+        raise ValueError
+    time.sleep(0.3)
+    assert told() == ["simulating"]
+
+
+def test_quiet_says_nothing_and_ends(told, tmp_path):
+    with console.verbosity(quiet=True), console.progress() as tell:
+        tell("simulating")
+        console.warn("something")
+        console.note("something")
+        console.tell_repairs(["something"])
+    assert told() == []
+    console.warn("again")
+    assert told() == ["warning: again"]
+
+
+def test_verbose_tells_times_and_details(told):
+    console.detail("not wanted")
+    with console.verbosity(verbose=True), console.progress() as tell:
+        console.detail("wanted")
+        tell("simulating")
+        tell("fitting")
+    assert [line.split(": took ")[0] for line in told()] == ["wanted", "simulating", "simulating", "fitting", "fitting"]
+    assert all(line.endswith(" s") for line in told() if "took" in line)
+
+
+def test_what_was_written_is_no_result(capsys, tmp_path):
+    console.wrote(tmp_path / "a.csv", "incomplete")
+    with console.verbosity(quiet=True):
+        console.wrote(tmp_path / "b.csv")
+    with console.results_withheld():
+        console.wrote(tmp_path / "c.csv")
+    assert capsys.readouterr().out == f"wrote {tmp_path / 'a.csv'} (incomplete)\n"
+
+
+def test_columns_of_numbers_end_together():
+    stream = io.StringIO()
+    table = console.plain_table(None, "name", "value", right=("value",))
+    table.add_row("a", "1")
+    table.add_row("b", "100")
+    console.Console(file=stream, width=40).print(table)
+    assert [line.rstrip() for line in stream.getvalue().splitlines()] == ["name  value", "a         1", "b       100"]
