@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,15 @@ from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
-from fmus.kit.units import allowed, shown
-from orchestration.identify import prediction_error
+from fmus.kit.units import Described, allowed, shown
+from orchestration.identify import prediction_error, presentation
 from orchestration.identify.covariance import sandwich
 from orchestration.identify.estimate import Estimate
 from orchestration.identify.noise import Noise, autoregression
 from orchestration.identify.prediction_error import FitResult, Method
 from orchestration.identify.problem import Problem
 from orchestration.identify.trust_region import minimise
+from orchestration.reporting.plain import plain_text, preformatted
 
 Array = NDArray[np.float64]
 # nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
@@ -42,17 +44,48 @@ class Fit:
     evaluations : int
         Simulations made.
     warnings : list of str
-        What cannot be told from this record, parameters at the end of their range.
+        What this record does not determine, parameters at the end of their range.
+    declared : Mapping of str to Described
+        Units in which they are read.
     """
 
     estimates: dict[str, Estimate]
     evaluations: int
     warnings: list[str]
+    declared: Mapping[str, Described]
 
     @property
     def values(self) -> dict[str, float]:
         """Fitted values by name."""
         return {name: e.value for name, e in self.estimates.items()}
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % confidence intervals by name, SI; infinite where the record says nothing of a parameter."""
+        return {name: e.interval for name, e in self.estimates.items()}
+
+    @property
+    def warning_lines(self) -> list[str]:
+        """Warnings as they are printed."""
+        return [f"warning: {text}" for text in self.warnings]
+
+    def __str__(self) -> str:
+        return "\n".join([plain_text(presentation.parameters(self)), *self.warning_lines])
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} = {shown(e.value, self.declared[name])}" for name, e in self.estimates.items())
+        return f"<Fit {values}>"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: parameters, number of simulations, warnings."""
+        return {
+            "parameters": {name: e.to_dict() for name, e in self.estimates.items()},
+            "simulations": self.evaluations,
+            "warnings": self.warnings,
+        }
 
 
 def fit(
@@ -108,6 +141,7 @@ def fit(
         {n: Estimate(fitted.values[n], problem.start[n], intervals[n], problem.declared[n].unit) for n in names},
         problem.evaluations,
         warnings,
+        {n: problem.declared[n] for n in names},
     )
 
 
