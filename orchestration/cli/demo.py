@@ -67,7 +67,7 @@ def run(out: Path) -> Path:
         before = comparing.compare(model, unseen)
         after = comparing.compare(model, unseen, first.fit.values if first.fit else {})
         tell("drawing")
-        comparing.plot(first, out / "compare.png")
+        first.plot(out / "compare.png")
     screen_compare.show(first)
     for name, judged in after.before.items():
         print(f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % -> {judged.fit_percent:.1f} % fit")

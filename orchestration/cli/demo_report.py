@@ -9,7 +9,7 @@ from pathlib import Path
 from fmus.kit import units
 from fmus.kit.units import shown, shown_difference
 from orchestration.api.diagnosis import DiagnosisResult
-from orchestration.identify.comparison import Comparison, Judgement
+from orchestration.identify.comparison import Comparison, GoodnessOfFit
 from orchestration.reporting.page import Markup, Page
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 
@@ -168,7 +168,7 @@ def _parameters(comparison: Comparison, truth: RigParameters) -> list[list[str]]
 
 
 def _outputs(
-    label: str, comparison: Comparison, before: Mapping[str, Judgement], after: Mapping[str, Judgement]
+    label: str, comparison: Comparison, before: Mapping[str, GoodnessOfFit], after: Mapping[str, GoodnessOfFit]
 ) -> list[list[str]]:
     rows = []
     for name, b in before.items():

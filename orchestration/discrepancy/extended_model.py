@@ -21,10 +21,9 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.validation.prediction import parameters_on
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
-from orchestration.identify.metrics import Whiteness, whiteness
+from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, whiteness
 
 Array = NDArray[np.float64]
-_SHORTEST = 20  # samples that a test of whiteness needs
 
 
 @dataclass(frozen=True)
@@ -217,7 +216,7 @@ def measured_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> G
             present = np.isfinite(measured)
             present[: validation.first] = False
             innovation = noise.whiten((measured - after[output])[present], present)
-            white[output] = whiteness(innovation) if len(innovation) >= _SHORTEST else None
+            white[output] = whiteness(innovation) if len(innovation) >= WHITENESS_SAMPLES else None
     return Gain(validation.nrmse(before), validation.nrmse(after), white, before, after)
 
 

@@ -1,32 +1,33 @@
-"""Holding a model against a measured record: how far apart, and what the rest looks like (``ppy compare``)."""
+"""A model against a measured record: how far apart they are, and whether the residual is white (``ppy compare``)."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, files, units
+from fmus.kit import Component
 from fmus.kit.errors import UserError, suggestion
-from fmus.kit.units import unit_of_differences
 from orchestration.fmu.model import Model
 from orchestration.fmu.simulate import simulate
+from orchestration.identify import presentation
 from orchestration.identify.grey_box import Fit, fit
-from orchestration.identify.metrics import Whiteness, fit_percent, number, rms, whiteness
+from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, fit_percent, rms, whiteness
 from orchestration.records import Record, read_record
+from orchestration.reporting.plain import plain_text, preformatted
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-_SHORTEST = 20  # samples that a test of whiteness needs
-_MUCH_LARGER = 25.0
 
 
 @dataclass(frozen=True)
-class Judgement:
+class GoodnessOfFit:
     """One output of one simulation against the record.
 
     Attributes
@@ -63,7 +64,7 @@ class Comparison:
     record : Record
     parameters : dict of str to float
         Set by the user, in the FMU's units.
-    before, after : dict of str to Judgement
+    before, after : dict of str to GoodnessOfFit
         By output; ``after`` is None without a fit.
     fit : Fit or None
     """
@@ -71,9 +72,49 @@ class Comparison:
     model: Model
     record: Record
     parameters: dict[str, float]
-    before: dict[str, Judgement]
+    before: dict[str, GoodnessOfFit]
     fit: Fit | None
-    after: dict[str, Judgement] | None
+    after: dict[str, GoodnessOfFit] | None
+
+    def __str__(self) -> str:
+        return "\n".join([plain_text(presentation.overview(self)), *(self.fit.warning_lines if self.fit else [])])
+
+    def __repr__(self) -> str:
+        runs = self.before if self.after is None else self.after
+        percents = ", ".join(f"{output} {g.fit_percent:.1f} %" for output, g in runs.items())
+        return f"<Comparison {percents}: {self.model.name}, {self.record.source.name}>"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: the form that ``ppy compare --json`` writes.
+
+        Returns
+        -------
+        dict
+            Numbers in the units that stand beside them; None for what is not finite.
+        """
+        return presentation.figures(self)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw, for every measured output, record and simulation above the residual.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        return presentation.draw(self, None if path is None else Path(path))
 
 
 def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None) -> Record:
@@ -99,7 +140,7 @@ def compare(
     names: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> Comparison:
-    """Run the model's FMU over a record and judge every measured output; recalibrate if asked.
+    """Run the model's FMU over a record and assess every measured output; recalibrate if asked.
 
     Parameters
     ----------
@@ -110,7 +151,7 @@ def compare(
     names : sequence of str
         Parameters to fit.
     progress : callable
-        Told what is being done.
+        Called with what is being done.
 
     Returns
     -------
@@ -126,18 +167,16 @@ def compare(
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {model.path.name} over {record.time.size} samples")
-    before = _judge(model, record.time, inputs, measured, given)
+    before = _assess(model, record.time, inputs, measured, given)
     if cls is None:
         return Comparison(model, record, given, before, None, None)
     constant = {name: np.full(record.time.size, value) for name, value in given.items() if name in model.inputs}
     fixed = {name: value for name, value in given.items() if name in model.parameters}
-    result = fit(
-        cls, record.time, constant | inputs, measured, names, fixed,
-        lambda n, cost: progress(f"fitting {', '.join(names)}: {n} simulations"),
-    )  # fmt: skip
+    progress(f"fitting {', '.join(names)}")
+    result = fit(cls, record.time, constant | inputs, measured, names, fixed)
     progress("simulating with the fitted parameters")
     return Comparison(
-        model, record, given, before, result, _judge(model, record.time, inputs, measured, given | result.values)
+        model, record, given, before, result, _assess(model, record.time, inputs, measured, given | result.values)
     )
 
 
@@ -157,109 +196,23 @@ def _equations(model: Model, names: Sequence[str]) -> type[Component] | None:
     return model.cls
 
 
-def _judge(
+def _assess(
     model: Model,
     time: Array,
     inputs: Mapping[str, Array],
     measured: Mapping[str, Array],
     parameters: Mapping[str, float],
-) -> dict[str, Judgement]:
+) -> dict[str, GoodnessOfFit]:
     simulated = simulate(model, time, inputs, parameters)
-    judged = {}
+    assessed = {}
     for name, y in measured.items():
         residual = y - simulated[name]
-        long_enough = np.isfinite(residual).sum() >= _SHORTEST
-        judged[name] = Judgement(
+        long_enough = np.isfinite(residual).sum() >= WHITENESS_SAMPLES
+        assessed[name] = GoodnessOfFit(
             y,
             simulated[name],
             fit_percent(y, simulated[name]),
             rms(residual),
             whiteness(residual) if long_enough else None,
         )
-    return judged
-
-
-def to_json(comparison: Comparison) -> dict[str, Any]:
-    """Gather the figures, ready for JSON: numbers in the units that stand beside them, no NaN (null instead)."""
-
-    def judged(judgements: Mapping[str, Judgement]) -> dict[str, Any]:
-        return {
-            name: {
-                "fit_percent": number(j.fit_percent),
-                "rms": number(j.rms),
-                "unit": comparison.model.outputs[name].unit,
-                "white": j.whiteness.is_white if j.whiteness else None,
-                "ljung_box_p": number(j.whiteness.p_value) if j.whiteness else None,
-            }
-            for name, j in judgements.items()
-        }
-
-    record, result = comparison.record, comparison.fit
-    page: dict[str, Any] = {
-        "record": {
-            "file": record.source.name,
-            "samples": int(record.time.size),
-            "seconds": float(record.time[-1] - record.time[0]),
-            "notes": [repair.message for repair in record.repairs],
-        },
-        "model": comparison.model.name,
-        "set": comparison.parameters,
-        "outputs": judged(comparison.before),
-    }
-    if result is not None and comparison.after is not None:
-        page["fitted"] = {
-            "outputs": judged(comparison.after),
-            "parameters": {
-                name: {"value": e.value, "ci95": [number(x) for x in e.interval], "nominal": e.nominal, "unit": e.unit}
-                for name, e in result.estimates.items()
-            },
-            "simulations": result.evaluations,
-            "warnings": result.warnings,
-        }
-    return page
-
-
-def write_json(comparison: Comparison, path: Path) -> None:
-    """Write :func:`to_json` to a file.
-
-    Raises
-    ------
-    UserError
-        If it cannot be written.
-    """
-    files.write(path, (json.dumps(to_json(comparison), indent=2) + "\n").encode())
-
-
-def plot(comparison: Comparison, path: Path) -> None:
-    """Draw, for every measured output, record and simulation above the residual.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
-    from orchestration.reporting import pictures
-
-    model, time = comparison.model, comparison.record.time
-    figure, axes = pictures.panels(2 * len(comparison.before), f"{comparison.record.source.name} against {model.name}")
-    for k, (name, before) in enumerate(comparison.before.items()):
-        unit, display = model.outputs[name].unit, model.outputs[name].display
-        difference = unit_of_differences(model.outputs[name])
-        over, rest = axes[2 * k], axes[2 * k + 1]
-        over.plot(
-            time, units.convert(before.measured, unit, display), color=pictures.MEASURED, lw=2.5, label="measured"
-        )
-        runs = [(before, pictures.MODEL, "simulated" if comparison.after is None else "before")]
-        runs += [(comparison.after[name], pictures.FITTED, "fitted")] if comparison.after else []
-        for judged, colour, text in runs:
-            label = f"{text}: {judged.fit_percent:.1f} % fit"
-            over.plot(time, units.convert(judged.simulated, unit, display), color=colour, label=label)
-        # what the fit leaves would vanish beside a much larger error before it
-        shown = runs[-1:] if runs[0][0].rms > _MUCH_LARGER * runs[-1][0].rms else runs
-        for judged, colour, _ in shown:
-            rest.plot(time, units.convert(judged.residual, unit, difference), color=colour)
-        over.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
-        pictures.label(over, name, display)
-        pictures.label(rest, "residual" if len(shown) == len(runs) else "residual (fitted)", difference)
-    pictures.logarithmic(axes, time)
-    pictures.save(figure, path)
+    return assessed

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+from orchestration.identify.metrics import number
 
 
 @dataclass(frozen=True)
@@ -22,3 +25,8 @@ class Estimate:
     nominal: float
     interval: tuple[float, float]
     unit: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it ready for JSON: ``value``, ``ci95`` (None for an open end), ``nominal`` and ``unit``."""
+        interval = [number(end) for end in self.interval]
+        return {"value": self.value, "ci95": interval, "nominal": self.nominal, "unit": self.unit}

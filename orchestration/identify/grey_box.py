@@ -7,26 +7,29 @@ logarithm. The Jacobian is exact (forward sensitivities). Intervals allow for co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
-from fmus.kit.units import allowed, shown
-from orchestration.identify.covariance import covariance, sandwich
+from fmus.kit.units import Described, allowed, shown
+from orchestration.identify import prediction_error, presentation
+from orchestration.identify.covariance import sandwich
 from orchestration.identify.estimate import Estimate
 from orchestration.identify.noise import Noise, autoregression
+from orchestration.identify.prediction_error import FitResult, Method
 from orchestration.identify.problem import Problem
+from orchestration.identify.trust_region import minimise
+from orchestration.reporting.plain import plain_text, preformatted
 
 Array = NDArray[np.float64]
-_PASSES = 5  # at most, of weighting every output by the residual it leaves
-_SETTLED = 0.01  # relative change of the weights that ends it
+# nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
+_METHOD = Method(minimise, tolerance=1e-6, passes=5, settled=1e-3)
 _VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
@@ -41,48 +44,48 @@ class Fit:
     evaluations : int
         Simulations made.
     warnings : list of str
-        What cannot be told from this record, parameters at the end of their range.
+        What this record does not determine, parameters at the end of their range.
+    declared : Mapping of str to Described
+        Units in which they are read.
     """
 
     estimates: dict[str, Estimate]
     evaluations: int
     warnings: list[str]
+    declared: Mapping[str, Described]
 
     @property
     def values(self) -> dict[str, float]:
         """Fitted values by name."""
         return {name: e.value for name, e in self.estimates.items()}
 
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % confidence intervals by name, SI; infinite where the record says nothing of a parameter."""
+        return {name: e.interval for name, e in self.estimates.items()}
 
-class _Weighted(Problem):
-    """Residuals weighted by output."""
+    @property
+    def warning_lines(self) -> list[str]:
+        """Warnings as they are printed."""
+        return [f"warning: {text}" for text in self.warnings]
 
-    def __init__(self, *given: Any):
-        super().__init__(*given)
-        self.weight = {o: 1.0 / (float(np.nanstd(y)) or 1.0) for o, y in self.measured.items()}
+    def __str__(self) -> str:
+        return "\n".join([plain_text(presentation.parameters(self)), *self.warning_lines])
 
-    def error(self, q: Array) -> Array:
-        try:
-            self.evaluate(q)
-        except UserError:
-            if not self.ran:
-                raise  # already where the search starts
-            return np.full(self.samples, np.inf)  # a point to step back from
-        return np.concatenate([self.weight[o] * e for o, e in self.evaluate(q)[0].items()])
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} = {shown(e.value, self.declared[name])}" for name, e in self.estimates.items())
+        return f"<Fit {values}>"
 
-    def jacobian(self, q: Array) -> Array:
-        return np.vstack([self.weight[o] * j for o, j in self.evaluate(q)[1].items()])
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
-    def reweight(self, q: Array) -> bool:
-        """Weight every output by the residual it leaves, as maximum likelihood would; true if that changed little."""
-        before = self.weight
-        self.weight = {o: 1.0 / (float(np.sqrt(np.mean(e**2))) or 1.0) for o, e in self.evaluate(q)[0].items()}
-        change = np.array([self.weight[o] / before[o] for o in before])
-        return bool(change.max() < (1.0 + _SETTLED) * change.min())  # a common factor moves no optimum
-
-    def misses(self, output: str, residual: Array) -> bool:
-        """Whether there is a residual at all, beyond rounding."""
-        return bool(np.std(residual) > 1e-6 * np.std(self.measured[output][self.present[output]]))
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: parameters, number of simulations, warnings."""
+        return {
+            "parameters": {name: e.to_dict() for name, e in self.estimates.items()},
+            "simulations": self.evaluations,
+            "warnings": self.warnings,
+        }
 
 
 def fit(
@@ -92,7 +95,6 @@ def fit(
     measured: Mapping[str, Array],
     names: Sequence[str],
     fixed: Mapping[str, float] | None = None,
-    progress: Callable[[int, float], None] = lambda evaluations, cost: None,
 ) -> Fit:
     """Fit parameters so that the free-running simulation follows the record.
 
@@ -107,8 +109,6 @@ def fit(
         Parameters to fit, start values of states included.
     fixed : Mapping[str, float], optional
         Values of others, and starting points of those to fit.
-    progress : callable
-        Told the number of simulations made and the present cost.
 
     Returns
     -------
@@ -121,59 +121,57 @@ def fit(
     """
     if len(set(names)) < len(names):
         raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
-    problem = _Weighted(cls, time, inputs, measured, names, fixed or {})
+    problem = Problem(cls, time, inputs, measured, names, fixed or {}, order=0)
     if len(names) >= problem.samples:
         raise UserError(f"{len(names)} parameters cannot be fitted to {problem.samples} measured values")
-    low, high = problem.bounds()
-    q = problem.position(problem.start)
     for name in names:
         declared = problem.declared[name]
         if not declared.min <= problem.start[name] <= declared.max:
             start = shown(problem.start[name], declared)
             raise UserError(f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}")
-    q = problem.inside(q)
-    for _ in range(_PASSES):
-        solution = least_squares(
-            problem.error, q, problem.jacobian, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200
-        )
-        q = solution.x
-        progress(problem.evaluations, float(solution.cost))
-        if problem.reweight(q):
-            break
-    warnings = [] if solution.success else ["the search stopped before it converged; the values are the best found"]
-    ends, told = _intervals(problem, q)
-    warnings += told
-    warnings += [f"{n} ended at the limit of its range" for n, m in zip(names, solution.active_mask, strict=True) if m]
-    values = problem.values(q)
+    noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0, 0) for o, y in problem.measured.items()}
+    fitted = prediction_error.fit(problem, problem.position(problem.start), noise, method=_METHOD)
+    intervals, warnings = _intervals(problem, fitted)
+    if not fitted.converged:
+        warnings.insert(0, "the search stopped before it converged; the values are the best found")
+    low, high = problem.bounds()
+    at_limit = (fitted.q <= low) | (fitted.q >= high)
+    warnings += [f"{name} ended at the limit of its range" for name, at in zip(names, at_limit, strict=True) if at]
     return Fit(
-        {n: Estimate(values[n], problem.start[n], ends[n], problem.declared[n].unit) for n in names},
+        {n: Estimate(fitted.values[n], problem.start[n], intervals[n], problem.declared[n].unit) for n in names},
         problem.evaluations,
         warnings,
+        {n: problem.declared[n] for n in names},
     )
 
 
-def _intervals(problem: _Weighted, q: Array) -> tuple[dict[str, tuple[float, float]], list[str]]:
+def _intervals(problem: Problem, fitted: FitResult) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """95 % intervals, and a sentence for parameters that the record does not determine."""
-    error, jacobian = problem.evaluate(q)
-    weighted = {o: problem.weight[o] * j for o, j in jacobian.items()}
-    information = np.sum([j.T @ j for j in weighted.values()], axis=0)
-    noise = [Noise(c, problem.weight[o] * np.sqrt(v)) for o, e in error.items() for c, v in [autoregression(e)]]
-    spread = sandwich(covariance(information), weighted.values(), noise)
+    slopes = problem.evaluate(fitted.q)[1]
+    weighted = {o: n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()}
+    noise = [Noise(c, np.sqrt(v)) for c, v in map(autoregression, fitted.innovation.values())]
+    spread = sandwich(fitted.covariance, weighted.values(), noise)
     half = float(norm.ppf(0.975)) * spread.standard_errors
     blind = set(np.flatnonzero(spread.unidentifiable).tolist())
-    silent = set(np.flatnonzero(np.diag(information) == 0.0).tolist())
+    silent = set(np.flatnonzero(np.diag(fitted.information) == 0.0).tolist())
     ends: dict[str, tuple[float, float]] = {}
     for i, (name, scale) in enumerate(zip(problem.names, problem.scales, strict=True)):
-        open_end = 0.0 if scale.logarithmic else -np.inf
-        ends[name] = (open_end, np.inf) if i in blind else (scale.value(q[i] - half[i]), scale.value(q[i] + half[i]))
+        q, open_end = fitted.q[i], 0.0 if scale.logarithmic else -np.inf
+        ends[name] = (open_end, np.inf) if i in blind else (scale.value(q - half[i]), scale.value(q + half[i]))
     vague = {i for i, s in enumerate(problem.scales) if s.logarithmic and half[i] > _VAGUE} - blind
     sentences = [
         (silent, "this record does not determine {}"),
         (blind - silent, "this record does not determine {} separately"),
         (vague, "this record hardly determines {}: the interval spans more than a factor of 100"),
     ]
-    told = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
-    return ends, told + [_slow(o, e) for o, e in error.items() if _independent(e) < _FEW and problem.misses(o, e)]
+    warnings = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
+    return ends, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _misses(problem, o, e)]
+
+
+def _misses(problem: Problem, output: str, residual: Array) -> bool:
+    """Whether a residual is too slow for its colour to be known, and is one at all, beyond rounding."""
+    measured = problem.measured[output][problem.present[output]]
+    return _independent(residual) < _FEW and bool(np.std(residual) > 1e-6 * np.std(measured))
 
 
 def _independent(residual: Array) -> float:

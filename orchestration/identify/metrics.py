@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2, norm
 
 Array = NDArray[np.float64]
+WHITENESS_SAMPLES = 20  # for every lag of a test of whiteness, and so the fewest that it needs
 
 
 def rms(residual: ArrayLike) -> float:
@@ -125,7 +126,7 @@ def whiteness(residual: ArrayLike, lags: int | None = None, significance: float 
     values = np.asarray(residual, dtype=float)
     present = ~np.isnan(values)
     n = int(np.count_nonzero(present))
-    count = min(25, n // 20) if lags is None else lags
+    count = min(25, n // WHITENESS_SAMPLES) if lags is None else lags
     if values.ndim != 1 or np.any(np.isinf(values)):
         raise ValueError("the residual must be a vector without infinite values")
     if not 0 < count < n:

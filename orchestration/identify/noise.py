@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
+_LEAST = 1e-100  # deviation: a derivative over it must still have a square
 
 
 @dataclass(frozen=True)
@@ -76,33 +77,32 @@ def segments(present: NDArray[np.bool_], memory: int = ORDER) -> list[tuple[int,
     return [(a, b) for a, b in pairwise(ends) if b - a > memory]
 
 
-def white(residual: Mapping[str, Array], even: bool) -> dict[str, Noise]:
-    """White noise of the size of some residuals, by output."""
-    tiny, memory = np.finfo(float).tiny, ORDER if even else 0
-    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or tiny, memory) for o, e in residual.items()}
+def white(residual: Mapping[str, Array], memory: int = ORDER) -> dict[str, Noise]:
+    """White noise of the size of some residuals, by output; for its memory see `Noise`."""
+    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or _LEAST, memory) for o, e in residual.items()}
 
 
-def estimate(residual: Array, present: NDArray[np.bool_], even: bool = True) -> Noise:
+def estimate(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -> Noise:
     """Noise of a residual; its order is chosen by BIC.
 
     Parameters
     ----------
     residual : ndarray, shape (m,)
     present : ndarray of bool, shape (n,)
-    even : bool
-        Whether samples are equally spaced; else the noise is taken as white: no step tells of another.
+    order : int
+        Highest that is considered; 0 for white noise.
 
     Returns
     -------
     Noise
     """
-    if not even:
-        return white({"": residual}, even)[""]
-    longest = max(segments(present), key=lambda ends: ends[1] - ends[0], default=(0, len(residual)))
-    coefficients, _ = autoregression(residual[slice(*longest)], ORDER)
-    innovation = Noise(coefficients, 1.0).whiten(residual, present)
+    if order == 0:
+        return white({"": residual}, 0)[""]
+    longest = max(segments(present, order), key=lambda ends: ends[1] - ends[0], default=(0, len(residual)))
+    coefficients, _ = autoregression(residual[slice(*longest)], order)
+    innovation = Noise(coefficients, 1.0, order).whiten(residual, present)
     deviation = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 1.0
-    return Noise(coefficients, deviation or np.finfo(float).tiny)
+    return Noise(coefficients, deviation or _LEAST, order)
 
 
 def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:

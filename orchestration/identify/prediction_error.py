@@ -1,30 +1,50 @@
-"""Prediction-error fit of a model with coloured output noise: whitened by an autoregression that is estimated with it.
+"""Prediction-error method: parameters and the noise of every output in turn, until innovations are smallest.
 
-Output error with a noise model of its own (Ljung: System Identification, section 7.2), and a Gaussian prior on physical
-parameters.
+The model runs free over the record; its residual is whitened by an autoregression that is estimated with it (Ljung:
+System Identification, section 7.2), or weighted by its size where the noise is taken as white: the output-error
+method. Physical parameters may have a Gaussian prior.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
 from orchestration.identify.covariance import Covariance, covariance
-from orchestration.identify.levenberg_marquardt import minimise
+from orchestration.identify.levenberg_marquardt import Minimum, minimise
 from orchestration.identify.noise import Noise, estimate, white
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
+Residual = Callable[[Array], Array]
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 PRIOR_STD = 1.0
-_PASSES = 3  # of fitting with a colour and estimating the colour from the residual
-_CONVERGED = 0.5  # change of the log-likelihood that ends it
-TOLERANCE = 0.05  # fall of the sum of squared innovations that ends a search: far below what any evidence turns on
+
+
+@dataclass(frozen=True)
+class Method:
+    """How a fit is made; as it stands, quickly, and to far below what any evidence turns on.
+
+    Attributes
+    ----------
+    minimise : callable
+        `levenberg_marquardt.minimise`, or what has the same face.
+    tolerance : float
+        Fall of the sum of squared innovations that ends a search.
+    passes : int
+        Of fitting with a noise model and estimating the noise model from the residual, at most.
+    settled : float
+        Fall of BIC from one pass to the next that ends them.
+    """
+
+    minimise: Callable[[Residual, Residual, Array, Array, Array, float], Minimum] = minimise
+    tolerance: float = 0.05
+    passes: int = 3
+    settled: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -52,6 +72,8 @@ class FitResult:
     parameters : int
         Estimated ones, those of the noise included.
     samples : int
+    converged : bool
+        Whether the search ended by itself.
     """
 
     q: Array
@@ -64,6 +86,7 @@ class FitResult:
     deviance: float
     parameters: int
     samples: int
+    converged: bool
 
     @property
     def bic(self) -> float:
@@ -80,14 +103,34 @@ class FitResult:
         return covariance(self.information, self.prior_precision)
 
 
+@dataclass(frozen=True)
+class _Prior:
+    """Gaussian prior of some coordinates, as rows of a least-squares problem."""
+
+    mean: Array
+    precision: Array  # zero where there is none
+
+    @property
+    def _held(self) -> NDArray[np.intp]:
+        return np.flatnonzero(self.precision)
+
+    def residual(self, q: Array) -> Array:
+        return np.asarray(np.sqrt(self.precision[self._held]) * (q - self.mean)[self._held])
+
+    @property
+    def jacobian(self) -> Array:
+        return np.diag(np.sqrt(self.precision))[self._held]
+
+
 def fit(
     problem: Problem,
     start: Array,
-    noise: Mapping[str, Noise] | None,
-    physical: NDArray[np.bool_],
+    noise: Mapping[str, Noise] | None = None,
+    physical: NDArray[np.bool_] | None = None,
     prior_std: float = PRIOR_STD,
+    method: Method = Method(),
 ) -> FitResult:
-    """Fit the searched parameters of a problem, and the colour of its noise in turn.
+    """Fit the searched parameters of a problem, and the noise of its outputs in turn.
 
     Parameters
     ----------
@@ -96,10 +139,11 @@ def fit(
         Searched coordinates to begin with.
     noise : Mapping of str to Noise, optional
         By output, to begin with; None takes white noise of the size of the residual.
-    physical : ndarray of bool, shape (p,)
-        Parameters that have a prior.
+    physical : ndarray of bool, shape (p,), optional
+        Parameters that have a prior; none by default.
     prior_std : float
         Its standard deviation, see `PRIOR_STD`.
+    method : Method
 
     Returns
     -------
@@ -111,87 +155,73 @@ def fit(
         If the simulation fails where the search starts.
     """
     low, high = problem.bounds()
-    centre = problem.position(problem.start)
-    held = np.flatnonzero(physical & np.isfinite(centre))
-    prior_precision = np.zeros(len(centre))
-    prior_precision[held] = prior_std**-2
+    mean = problem.position(problem.start)
+    held = np.isfinite(mean) & (False if physical is None else physical)
+    prior = _Prior(mean, np.where(held, prior_std**-2, 0.0))
 
-    def iterate(q: Array, colours: Mapping[str, Noise]) -> FitResult:
-        """Fit with a colour and estimate the colour from the residual, in turn."""
+    def iterate(q: Array, noise: Mapping[str, Noise]) -> FitResult:
+        """Fit with a noise model and estimate it from the residual, in turn."""
         best: FitResult | None = None
-        for _ in range(_PASSES):
-            q = _minimised(problem, q, colours, prior_precision, centre)
-            fitted = _assessed(problem, q, prior_precision, centre)
-            if best is not None and best.bic - fitted.bic < _CONVERGED:
+        for _ in range(method.passes):
+            fitted = _assessed(problem, _minimised(problem, q, noise, prior, method), prior)
+            if best is not None and best.bic - fitted.bic < method.settled:
                 return min(best, fitted, key=lambda f: f.bic)
-            best, colours = fitted, fitted.noise
+            best, q, noise = fitted, fitted.q, fitted.noise
         return fitted
 
     q = np.clip(problem.inside(start), low, high)
-    best = iterate(q, noise or white(problem.evaluate(q)[0], problem.even))
+    best = iterate(q, noise or white(problem.evaluate(q)[0], problem.order))
     while any(len(n.coefficients) > 1 for n in best.noise.values()):
-        # a colour that has swallowed what the model could tell keeps it from being told: ask once more without
-        other = iterate(best.q, white(best.residual, problem.even))
-        if best.bic - other.bic < _CONVERGED:
+        # a colour that has swallowed what the model could follow keeps it from following: once more without
+        other = iterate(best.q, white(best.residual, problem.order))
+        if best.bic - other.bic < method.settled:
             break
         best = other
-    problem.forget()  # of many candidates few are looked at again
     return best
 
 
-def _minimised(
-    problem: Problem, q: Array, colours: Mapping[str, Noise], prior_precision: Array, centre: Array
-) -> Array:
-    """Fit with noise of a known colour."""
-    held = np.flatnonzero(prior_precision)
-    root = np.sqrt(prior_precision[held])
-    size = sum(p.sum() for p in problem.present.values())
+def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method) -> Minimum:
+    """Fit with noise that is given."""
 
     def rows(q: Array) -> Array:
-        try:
-            error = problem.evaluate(q)[0]
-        except UserError:
-            if not problem.ran:
-                raise
-            return np.full(size, np.inf)  # a point to step back from
+        residual = problem.evaluate(q)[0]
         return np.concatenate(
-            [*(colours[o].whiten(e, problem.present[o]) for o, e in error.items()), root * (q - centre)[held]]
+            [*(noise[o].whiten(e, problem.present[o]) for o, e in residual.items()), prior.residual(q)]
         )
 
     def slopes(q: Array) -> Array:
         jacobian = problem.evaluate(q)[1]
-        prior = np.zeros((len(held), len(q)))
-        prior[np.arange(len(held)), held] = root
-        return np.vstack([*(colours[o].whiten(j, problem.present[o]) for o, j in jacobian.items()), prior])
+        return np.vstack([*(noise[o].whiten(j, problem.present[o]) for o, j in jacobian.items()), prior.jacobian])
 
-    tolerance = TOLERANCE / size
-    q = minimise(rows, slopes, q, *problem.neighbourhood(q), tolerance)
-    while (other := problem.beyond(q)) is not None:
-        other = minimise(rows, slopes, other, *problem.neighbourhood(other), tolerance)
-        if (rows(other) ** 2).sum() >= (rows(q) ** 2).sum():
+    tolerance = method.tolerance / problem.samples
+    best = method.minimise(rows, slopes, q, *problem.neighbourhood(q), tolerance)
+    while (other := problem.beyond(best.q)) is not None:
+        tried = method.minimise(rows, slopes, other, *problem.neighbourhood(other), tolerance)
+        if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
-        q = other
-    return q
+        best = tried
+    return best
 
 
-def _assessed(problem: Problem, q: Array, prior_precision: Array, centre: Array) -> FitResult:
-    """How likely a point makes the record, with the colour of what it leaves."""
-    error, slopes = problem.evaluate(q)
-    noise = {o: estimate(e, problem.present[o], problem.even) for o, e in error.items()}
-    innovation = {o: n.whiten(error[o], problem.present[o]) for o, n in noise.items()}
+def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
+    """How likely a point makes the record, in the noise that its residual shows."""
+    q = minimum.q
+    residual, slopes = problem.evaluate(q)
+    noise = {o: estimate(e, problem.present[o], problem.order) for o, e in residual.items()}
+    innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
     jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
     deviance = sum(2.0 * len(innovation[o]) * np.log(n.deviation) for o, n in noise.items())
-    deviance += float(prior_precision @ np.where(prior_precision > 0.0, q - centre, 0.0) ** 2)
-    count = len(q) + sum(len(n.coefficients) for n in noise.values())
+    deviance += float((prior.residual(q) ** 2).sum())
     return FitResult(
         q,
         problem.values(q),
         noise,
-        error,
+        residual,
         innovation,
-        jacobian.T @ jacobian,
-        prior_precision,
-        float(deviance),
-        count,
-        len(jacobian),
+        information=jacobian.T @ jacobian,
+        prior_precision=prior.precision,
+        deviance=float(deviance),
+        parameters=len(q) + sum(len(n.coefficients) for n in noise.values()),
+        samples=len(jacobian),
+        converged=minimum.converged,
     )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from orchestration.identify.delay import DelayedModel
+from orchestration.identify.noise import ORDER
 from orchestration.records.clock import evenly_sampled
 
 Array = NDArray[np.float64]
@@ -65,6 +66,8 @@ class Problem:
         Values of others, and starting points of those to search.
     linear : bool
         Whether inputs go linearly from sample to sample; else each is held until the next.
+    order : int
+        Highest order of the autoregression that the noise of an output may be; 0 for white noise.
 
     Attributes
     ----------
@@ -75,6 +78,8 @@ class Problem:
         Outputs of which anything was measured, and where.
     even : bool
         Whether samples are equally spaced.
+    order : int
+        As given; 0 where samples are not equally spaced, because no step tells of another.
     scales : list of Scale
     evaluations : int
         Simulations made.
@@ -87,7 +92,7 @@ class Problem:
 
     def __init__(
         self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
-        names: Sequence[str], fixed: Mapping[str, float], linear: bool = False,
+        names: Sequence[str], fixed: Mapping[str, float], linear: bool = False, order: int = ORDER,
     ):  # fmt: skip
         self.model = DelayedModel(cls, names, linear)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
@@ -96,6 +101,7 @@ class Problem:
                 raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
         self.time, self.inputs, self.names = time, inputs, list(names)
         self.even = evenly_sampled(time)
+        self.order = order if self.even else 0
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
@@ -126,11 +132,6 @@ class Problem:
     def forget(self) -> None:
         """Let go of the last simulation."""
         self._at = None
-
-    @property
-    def ran(self) -> bool:
-        """Whether the last simulation succeeded."""
-        return self._at is not None
 
     @property
     def samples(self) -> int:

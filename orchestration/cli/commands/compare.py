@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,44 +65,19 @@ def compare(
         comparison = work.compare(opened, data, parameters, names, tell)
     with standard_output_for(result):
         show(comparison)
-        figures = work.to_json(comparison) | ({"with": list(opened.effects)} if opened.effects else {})
+        figures = comparison.to_dict() | ({"with": list(opened.effects)} if opened.effects else {})
         for path in (out, result):
             write_json(path, figures)
         if plot is not None:
-            work.plot(comparison, plot)
+            comparison.plot(plot)
             wrote(plot)
 
 
 def show(comparison: Comparison) -> None:
     """Print a comparison: fit per output, and the fitted parameters with their intervals."""
-    from fmus.kit.units import shown, shown_difference
-    from orchestration.reporting.console import out, plain_table, warn
+    from orchestration.identify.presentation import overview
+    from orchestration.reporting.console import out, warn
 
-    model = comparison.model
-    runs = [("simulated" if comparison.after is None else "before", comparison.before)]
-    runs += [("fitted", comparison.after)] if comparison.after is not None else []
-    table = plain_table(None, "output", "run", "fit", "RMS error", "residual", right=("fit", "RMS error"))
-    for output in comparison.before:
-        for label, judged in runs:
-            j = judged[output]
-            residual = j.whiteness.summary() if j.whiteness else "too short to judge"
-            error = shown_difference(j.rms, model.outputs[output])
-            table.add_row(output, label, _percent(j.fit_percent), error, residual)
-    out.print(f"{comparison.record.source.name} against {model.title}: {comparison.record.time.size} samples")
-    out.print(table)
-    if comparison.fit is None:
-        return
-    columns = ("fitted", "95 % interval", "started from")
-    table = plain_table(None, "parameter", *columns, right=columns)
-    for parameter, e in comparison.fit.estimates.items():
-        signal = model.parameters[parameter]
-        value, nominal, low, high = (shown(x, signal) for x in (e.value, e.nominal, *e.interval))
-        table.add_row(parameter, value, f"{low} … {high}", nominal)
-    out.print()
-    out.print(table)
-    for warning in comparison.fit.warnings:
+    out.print(overview(comparison))
+    for warning in comparison.fit.warnings if comparison.fit else ():
         warn(warning)
-
-
-def _percent(fit: float) -> str:
-    return f"{fit:.2f} %" if math.isfinite(fit) else "undefined"  # of an output that was constant

@@ -64,14 +64,14 @@ class LinearisedModel:
 
     def __init__(self, problem: Problem, fit: FitResult):
         error, jacobian = problem.evaluate(fit.q)
-        self._error, self._jacobian, self._present, self._even = error, jacobian, problem.present, problem.even
+        self._error, self._jacobian, self._present, self._order = error, jacobian, problem.present, problem.order
         self._fit = fit
         prior_mean = problem.position(problem.start)
         self._centre = np.where(fit.prior_precision > 0.0, prior_mean, fit.q)
         self._gradient_of_prior = fit.prior_precision * (fit.q - self._centre)
         low, high = problem.bounds()
         self._bounds = low - fit.q, high - fit.q
-        self._whitenings = [self._whitening(noise) for noise in (fit.noise, white(error, problem.even))]
+        self._whitenings = [self._whitening(noise) for noise in (fit.noise, white(error, problem.order))]
 
     def _whitening(self, noise: Mapping[str, Noise]) -> tuple[Mapping[str, Noise], Array, Array, Array]:
         """Whitened residual and Jacobian, and the coordinates' covariance."""
@@ -138,7 +138,7 @@ class LinearisedModel:
             amount = float(np.clip(wanted, least, most))
             step = np.clip(-spread @ gradient - amount * along, *self._bounds)
             remaining = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
-            noise = {o: estimate(e, self._present[o], self._even) for o, e in remaining.items()}
+            noise = {o: estimate(e, self._present[o], self._order) for o, e in remaining.items()}
         below = self._fit
         moved = below.q + step - self._centre
         innovations = {o: len(n.whiten(remaining[o], self._present[o])) for o, n in noise.items()}

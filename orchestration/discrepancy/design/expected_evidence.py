@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.covariance import covariance
 from orchestration.identify.levenberg_marquardt import minimise
@@ -131,10 +130,7 @@ def expected_delta_bic(
         return kept[q.tobytes()]
 
     def rows(q: Array) -> Array:
-        try:
-            simulated = response(q).signals
-        except UserError:
-            return np.full(1, np.inf)  # a point to step back from
+        simulated = response(q).signals
         return np.concatenate([*(_white(colours[o], truth.signals[o] - y) for o, y in simulated.items()),
                                prior @ (q - begin)])  # fmt: skip
 
@@ -146,7 +142,7 @@ def expected_delta_bic(
     for first in (true_model.fit.noise, {o: Noise(np.empty(0), _size(true_model, o)) for o in true_model.fit.noise}):
         at, colours = begin, first
         for _ in range(_PASSES):
-            at = minimise(rows, slopes, at, low, high, 1e-3, _TRIALS)
+            at = minimise(rows, slopes, at, low, high, 1e-3, _TRIALS).q
             simulated = response(at).signals
             colours = _colours(true_model, {o: truth.signals[o] - y for o, y in simulated.items()})
         falls.append(_fall(true_model, candidate, colours, len(time)))

@@ -107,4 +107,6 @@ class Search:
         self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
     ) -> FitResult:
         physical = np.array([n in self.parameters and not problem.declared[n].starts for n in problem.names])
-        return fit(problem, q, noise, physical, prior_std)
+        fitted = fit(problem, q, noise, physical, prior_std)
+        problem.forget()  # of many candidates few are looked at again
+        return fitted

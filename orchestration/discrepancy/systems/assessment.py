@@ -15,7 +15,7 @@ from orchestration.discrepancy.residuals.regression import ResidualRegression, r
 from orchestration.discrepancy.residuals.regressors import RegressorKind, regressors
 from orchestration.discrepancy.systems.inputs import noise_std
 from orchestration.discrepancy.systems.member import MemberSimulation
-from orchestration.identify.metrics import Whiteness, fit_percent, rms, whiteness
+from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, fit_percent, rms, whiteness
 from orchestration.identify.noise import estimate
 from orchestration.system.check import interface
 
@@ -25,7 +25,6 @@ _MATTERS = 0.5  # noise widths that a fault must leave
 # by which the input uncertainty, which is no more than an estimate, must be exceeded: to look, to blame
 SUSPECT_FACTOR, WRONG_FACTOR = 0.5, 2.0
 _UNMOVED = 1.5  # noise widths below which an output has not moved
-_TESTED = 20  # samples that a test of whiteness needs
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ def assess_outputs(simulation: MemberSimulation, values: Mapping[str, float]) ->
             rms(residual),
             noise_std(residual),
             uncertainty[output],
-            whiteness(residual) if residual.size >= _TESTED else None,
+            whiteness(residual) if residual.size >= WHITENESS_SAMPLES else None,
             regress(residual, present, plain),
             random_walk_test(residual),
             cross_correlations(output, residual, present, estimate(residual, present), signals, step),

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.signal import read_signal
+from orchestration.identify.covariance import covariance, sandwich
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.metrics import rms
 from orchestration.identify.noise import estimate
@@ -91,7 +91,6 @@ class ParameterSearch:
         self.best = Point(np.inf, np.empty(0))
         self.previous: Point | None = None
         self._newest: tuple[bytes, Array] | None = None
-        self._count = 0
 
     def _coordinates(self, attribute: str) -> Array:
         return np.array([self._scales[n].position(getattr(self.declared[n], attribute)) for n in self.names])
@@ -139,13 +138,7 @@ class ParameterSearch:
 
     def _rows(self, q: Array) -> Array:
         """Residual, and deviations from the prior."""
-        try:
-            rows = np.concatenate([residual := self._residual(q), (q - self.start) / _PRIOR_STD])
-        except UserError:
-            if not self._count:
-                raise
-            return np.full(self._count, np.inf)  # a point to step back from
-        self._count = rows.size
+        rows = np.concatenate([residual := self._residual(q), (q - self.start) / _PRIOR_STD])
         if (cost := float(rows @ rows)) < self.best.cost:
             self.best = Point(cost, q, residual, self.best.jacobian)
         return rows
@@ -190,15 +183,12 @@ class ParameterSearch:
         residual, jacobian = self.best.residual, self.best.jacobian
         if residual is None or jacobian is None:
             return np.full(self.best.q.size, np.inf)
-        inverse = np.linalg.pinv(jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / _PRIOR_STD**2)
-        begin, scores = 0, []
-        for present in self._present.values():
-            rows = slice(begin, begin + int(present.sum()))
-            begin = rows.stop
-            noise = estimate(residual[rows], present)
-            scores.append(lfilter([noise.deviation], [1.0, *-noise.coefficients], jacobian[rows][::-1], axis=0))
-        coloured = np.vstack(scores)
-        return np.asarray(np.sqrt(np.diag(inverse @ (coloured.T @ coloured) @ inverse)))
+        ends = np.cumsum([present.sum() for present in self._present.values()])[:-1]
+        noise = [
+            estimate(e, present) for e, present in zip(np.split(residual, ends), self._present.values(), strict=True)
+        ]
+        bread = covariance(jacobian.T @ jacobian, _PRIOR_STD**-2)
+        return sandwich(bread, np.split(jacobian, ends), noise).standard_errors
 
 
 def _greedy(residual: Array, columns: dict[str, Array], most: int) -> list[str]:

@@ -60,8 +60,8 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
         parts = problem.evaluate(q)[which]
         return np.concatenate([parts[o] / model.fit.noise[o].deviation for o in parts])
 
-    q = minimise(lambda q: weighted(0, q), lambda q: weighted(1, q), problem.position(problem.start), low, high)
-    return values | problem.values(q)
+    best = minimise(lambda q: weighted(0, q), lambda q: weighted(1, q), problem.position(problem.start), low, high)
+    return values | problem.values(best.q)
 
 
 def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:

@@ -1,5 +1,6 @@
 """Claims: the figures of a comparison are those of its definition, gaps are left out, and the JSON is plain JSON."""
 
+import html
 import json
 import math
 from pathlib import Path
@@ -88,15 +89,14 @@ def test_gaps_are_left_out_of_every_figure(model, record):
     assert math.isfinite(judged.fit_percent)
 
 
-def test_json_is_plain_json_with_null_where_nothing_can_be_said(model, record, tmp_path):
+def test_json_is_plain_json_with_null_where_nothing_can_be_said(model, record):
     record.signals["displacement"] = np.full(TIME.size, 1e-3)
     result = comparing.compare(model, record, {"R2": 2.0}, ["R1"])
-    comparing.write_json(result, tmp_path / "out" / "figures.json")
 
     def refuse(constant):
         raise AssertionError(f"{constant} is not JSON")
 
-    page = json.loads((tmp_path / "out" / "figures.json").read_text(encoding="utf-8"), parse_constant=refuse)
+    page = json.loads(json.dumps(result.to_dict()), parse_constant=refuse)
     assert page["outputs"]["displacement"]["fit_percent"] is None  # of a constant
     assert page["outputs"]["displacement"]["unit"] == "m"
     assert page["record"] == {"file": "record.csv", "samples": 600, "seconds": pytest.approx(59.9), "notes": []}
@@ -108,7 +108,7 @@ def test_json_is_plain_json_with_null_where_nothing_can_be_said(model, record, t
 
 def test_an_infinite_interval_becomes_null(model, record):
     record.signals["force"] = np.zeros(TIME.size)
-    page = comparing.to_json(comparing.compare(model, record, {}, ["k1"]))
+    page = comparing.compare(model, record, {}, ["k1"]).to_dict()
     assert page["fitted"]["parameters"]["k1"]["ci95"] == [0.0, None]
     assert "this record does not determine k1" in page["fitted"]["warnings"]
 
@@ -118,6 +118,50 @@ def test_a_record_too_short_for_whiteness_is_judged_all_the_same(model, record):
     judged = comparing.compare(model, short).before["voltage"]
     assert judged.whiteness is None
     assert math.isfinite(judged.fit_percent)
+
+
+def test_a_comparison_is_printed_with_its_units_and_warnings(model, record):
+    record.signals["force"] = np.zeros(TIME.size)
+    result = comparing.compare(model, record, {}, ["R1", "k1"])
+    text = str(result)
+    lines = text.splitlines()
+    assert lines[0] == "record.csv against ppy_actuator: 600 samples"
+    assert lines[1].split() == ["output", "run", "fit", "RMS", "error", "residual"]
+    assert [line.split()[:2] for line in lines[2:6]] == [
+        [output, run] for output in ("voltage", "displacement") for run in ("before", "fitted")
+    ]
+    assert f"{result.after['voltage'].fit_percent:.2f} %" in lines[3]
+    assert lines[4].split()[5] == "mm"  # not metres
+    assert lines[-len(result.fit.warnings) :] == [f"warning: {text}" for text in result.fit.warnings]
+    assert "this record does not determine k1" in result.fit.warnings
+    assert str(result.fit) == "\n".join(lines[lines.index("") + 1 :])
+    assert not any(line != line.rstrip() for line in lines)
+    assert result._repr_html_() == f"<pre>{html.escape(text)}</pre>"
+    assert repr(result).startswith("<Comparison voltage ")
+    assert "record.csv" in repr(result)
+
+
+def test_a_fit_has_values_intervals_and_figures_by_name(model, record):
+    fitted = comparing.compare(model, record, {}, ["R1", "alpha"]).fit
+    low, high = fitted.intervals["R1"]
+    assert low < fitted.values["R1"] < high
+    assert repr(fitted) == f"<Fit R1 = {fitted.values['R1']:.6g} ohm, alpha = {1e3 * fitted.values['alpha']:.6g} mm/C>"
+    figures = fitted.to_dict()
+    assert figures["parameters"]["R1"]["ci95"] == [low, high]
+    assert figures["simulations"] == fitted.evaluations
+    assert fitted._repr_html_().startswith("<pre>parameter ")
+
+
+def test_a_comparison_is_drawn_and_written_if_wanted(model, record, tmp_path):
+    plain = comparing.compare(model, record)
+    assert [axis.get_ylabel() for axis in plain.plot().axes] == ["voltage\n[V]", "residual\n[V]",
+                                                                "displacement\n[mm]", "residual\n[mm]"]  # fmt: skip
+    fitted = comparing.compare(model, record, {}, ["R1", "C"])
+    axes = fitted.plot(tmp_path / "c.png").axes
+    assert (tmp_path / "c.png").stat().st_size > 10_000
+    assert len(axes[0].lines) == 3
+    with pytest.raises(UserError, match="must end in"):
+        plain.plot(tmp_path / "c.txt")
 
 
 def test_both_builds_give_the_same_figures(model, record):

@@ -61,7 +61,7 @@ def test_without_an_even_clock_the_samples_are_correlated_as_they_are():
     residual, present = noise(0.0, 1), EVERY.copy()
     present[1000:1400] = False
     kept, other = residual[present], noise(0.0, 2) + residual
-    kind = estimate(kept, present, even=False)
+    kind = estimate(kept, present, order=0)
     (only,) = cross_correlations("y", kept, present, kind, [Regressor("u", other, "A")], STEP)
     assert only.lag == 0.0
     assert only.strength == pytest.approx(np.corrcoef(kept, other[present])[0, 1], abs=0.01)
