@@ -48,10 +48,16 @@ def test_every_name_is_there_and_says_how_it_is_used():
         ppy.diagnoze  # noqa: B018
 
 
-def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypatch):
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
+def test_a_result_prints_as_the_command_does(hidden, result, tmp_path):
     text = works(
-        "diagnose", str(hidden), "--effects", ",".join(EFFECTS), "--json", str(tmp_path / "d.json"), cwd=tmp_path
+        "diagnose",
+        str(hidden),
+        "--effects",
+        ",".join(EFFECTS),
+        "--json",
+        str(tmp_path / "d.json"),
+        cwd=tmp_path,
+        environment={"COLUMNS": str(WIDTH)},
     )
     assert text.partition("wrote ")[0].split() == str(result).split()
     assert json.loads((tmp_path / "d.json").read_text(encoding="utf-8")) == json.loads(json.dumps(result.to_dict()))
