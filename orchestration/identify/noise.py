@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.stats import norm
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
@@ -153,3 +155,23 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
         if variance > 0.0 and (found := n * np.log(variance) + order * np.log(n)) < criterion:
             criterion, best = found, (coefficients, variance)
     return best
+
+
+def noise_std(values: Array, differences: int = 2) -> float:
+    """Standard deviation of white noise on a signal, robustly from its differences; steps of the signal do no harm.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        NaN is left out.
+    differences : int
+        How often the signal is differenced: the k-th difference of white noise has its variance times (2k)! / k!^2.
+
+    Returns
+    -------
+    float
+        In the unit of the signal; zero if there are too few samples.
+    """
+    steps = np.diff(values[np.isfinite(values)], differences)
+    scale = float(norm.ppf(0.75)) * np.sqrt(comb(2 * differences, differences))
+    return float(np.median(np.abs(steps)) / scale) if steps.size else 0.0

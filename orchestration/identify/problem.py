@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
@@ -141,6 +142,12 @@ class Problem:
     def values(self, q: Array) -> dict[str, float]:
         """Searched parameters by name."""
         return {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
+
+    def intervals(self, q: Array, standard_errors: Array) -> dict[str, tuple[float, float]]:
+        """95 % confidence intervals of searched parameters by name; their ends are open where an error is infinite."""
+        half = float(norm.ppf(0.975)) * standard_errors
+        ends = zip(self.names, self.scales, q - half, q + half, strict=True)
+        return {n: (s.value(low), s.value(high)) for n, s, low, high in ends}
 
     def position(self, values: Mapping[str, float]) -> Array:
         """Searched coordinates of values by name."""
