@@ -164,10 +164,10 @@ def _intervals(problem: Problem, fitted: FitResult) -> tuple[dict[str, tuple[flo
     ]
     warnings = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
     intervals = problem.intervals(fitted.q, spread.standard_errors)
-    return intervals, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _misses(problem, o, e)]
+    return intervals, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _too_slow(problem, o, e)]
 
 
-def _misses(problem: Problem, output: str, residual: Array) -> bool:
+def _too_slow(problem: Problem, output: str, residual: Array) -> bool:
     """Whether a residual is too slow for its colour to be known, and is one at all, beyond rounding."""
     measured = problem.measured[output][problem.present[output]]
     return _independent(residual) < _FEW and bool(np.std(residual) > 1e-6 * np.std(measured))

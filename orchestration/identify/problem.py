@@ -80,7 +80,7 @@ class Problem:
     even : bool
         Whether samples are equally spaced.
     order : int
-        As given; 0 where samples are not equally spaced, because no step tells of another.
+        As given; 0 where samples are not equally spaced, because an autoregression is over equal steps.
     scales : list of Scale
     evaluations : int
         Simulations made.
@@ -161,7 +161,7 @@ class Problem:
         return low, high
 
     def neighbourhood(self, q: Array) -> tuple[Array, Array]:
-        """Bounds about a point within which the residuals are smooth: a longer delay shows a step a sample later."""
+        """Bounds about a point within which the residuals are smooth: with a delay they jump at every sample."""
         low, high = self.bounds()
         for i, samples in self._delays(q):
             ends = np.floor(samples) + np.array([_EDGE, 1.0 - _EDGE])
@@ -179,8 +179,8 @@ class Problem:
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
         """Return which coordinates are delays, and how many samples long each is."""
-        found = [i for i, name in enumerate(self.names) if name in self.model.delays.values()]
-        return [(i, self.scales[i].value(q[i]) / self._step) for i in found]
+        delays = [i for i, name in enumerate(self.names) if name in self.model.delays.values()]
+        return [(i, self.scales[i].value(q[i]) / self._step) for i in delays]
 
     def _delay(self, i: int, samples: float) -> float:
         return self.scales[i].position(samples * self._step)
