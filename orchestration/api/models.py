@@ -77,7 +77,8 @@ def check(path: str | Path) -> list[Finding]:
     Examples
     --------
     >>> import orchestration as ppy
-    >>> ppy.check(ppy.build("ppy_actuator", "actuator.fmu"))
+    >>> findings = ppy.check(ppy.build("ppy_actuator", "actuator.fmu"))
+    >>> [finding for finding in findings if finding.severity == "error"]
     []
     """
     return check_fmu(Path(path))

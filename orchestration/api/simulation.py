@@ -145,7 +145,7 @@ def simulate(
     >>> import orchestration as ppy
     >>> step = ppy.simulate("ppy_actuator", {"current": 0.9}, stop=30.0, settings={"R1": 0.5})
     >>> round(float(step["charge"][-1]), 2)
-    5.61
+    5.59
     """
     subject = as_model(model)
     if time is None:

@@ -148,6 +148,15 @@ def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str
     ------
     UserError
         If there is no such component, class, effect or file, or the FMU cannot be read.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> model = ppy.find_model("ppy_actuator", effects=["strain_saturation"])
+    >>> sorted(model.inputs)
+    ['current', 'force']
+    >>> model.parameters["R1"].unit
+    'ohm'
     """
     from fmus import COMPONENTS
 

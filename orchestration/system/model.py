@@ -102,6 +102,16 @@ class System:
         Outputs of the system by name.
     step, stop : float
         Communication step and duration in seconds, for the default experiment.
+
+    Examples
+    --------
+    >>> import numpy, orchestration as ppy
+    >>> from orchestration.system import library
+    >>> bench = library.system("dma_bench")
+    >>> [member.name for member in bench.members]
+    ['bench', 'actuator']
+    >>> ppy.run(bench, numpy.arange(0.0, 0.1, 0.001)).complete
+    True
     """
 
     name: str
