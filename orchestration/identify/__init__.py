@@ -1,1 +1,1 @@
-"""From a record to numbers: parameters, and what the residual says."""
+"""From a record to parameters, with their uncertainty and the noise of the outputs."""

@@ -39,7 +39,7 @@ class GoodnessOfFit:
     rms : float
         Root mean square of the residual, in the FMU's unit.
     whiteness : Whiteness or None
-        None if the record is too short to tell.
+        None if the record is too short for the test.
     """
 
     measured: Array
@@ -119,6 +119,17 @@ class Comparison:
 
 def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None) -> Record:
     """Read a record of which some columns are the model's inputs and outputs.
+
+    Parameters
+    ----------
+    model : Model
+    path : Path
+    mapping : Mapping of str to str, optional
+        Column of the file to signal of the model.
+
+    Returns
+    -------
+    Record
 
     Raises
     ------

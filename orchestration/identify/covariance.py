@@ -69,7 +69,7 @@ def covariance(information: Array, prior: ArrayLike = 0.0) -> Covariance:
 def sandwich(bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise]) -> Covariance:
     """Covariance of parameters that were fitted as if their residuals were white (Ljung, section 9.4).
 
-    Between two halves of the inverse normal matrix stands the covariance of the scores, in which the colour counts.
+    Between two halves of the inverse normal matrix stands the covariance of the scores, in coloured noise.
 
     Parameters
     ----------

@@ -41,12 +41,12 @@ class DelayedModel:
 
     def __init__(self, cls: type[Component], sensitivities: Sequence[str], linear: bool = False):
         base, effects = vars(cls).get("stacked", (cls, ()))
-        late = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
-        rest = [e for e in effects if e not in late]
+        delays = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
+        others = [e for e in effects if e not in delays]
         self.layout, self._linear = cls.layout, linear
-        self.delays = {effect.output: effect.neutral for effect in late}
+        self.delays = {effect.output: effect.neutral for effect in delays}
         self._model = CompiledModel(
-            stack(base, *rest) if rest else base, [n for n in sensitivities if n not in self.delays.values()]
+            stack(base, *others) if others else base, [n for n in sensitivities if n not in self.delays.values()]
         )
         self._known = {p.name for p in self._model.layout.parameters}
         self._names = list(sensitivities)
@@ -54,46 +54,67 @@ class DelayedModel:
     def run(
         self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 1e6
     ) -> Trajectory:
-        """Simulate, as `CompiledModel.run`."""
+        """Simulate, as `CompiledModel.run`.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        inputs : Mapping of str to ndarray, shape (n,)
+            SI.
+        parameters : Mapping of str to float
+            SI.
+        effort : float
+            Internal steps per sample, beyond which the model has become too stiff.
+
+        Returns
+        -------
+        Trajectory
+
+        Raises
+        ------
+        UserError
+            If the simulation fails.
+        """
         given = {name: value for name, value in parameters.items() if name in self._known}
         if not self.delays:
             return self._model.run(time, inputs, given, self._linear, effort)
         delays = {output: parameters[name] for output, name in self.delays.items()}
         late = {output: delay for output, delay in delays.items() if delay > 0.0}
-        looks = {output: _look(time, delay) for output, delay in late.items()}
+        instants_of = {output: _delayed_instants(time, delay) for output, delay in late.items()}
         instants, back = np.unique(
-            np.concatenate([time, *(x for pair in looks.values() for x in pair)]), return_inverse=True
+            np.concatenate([time, *(x for pair in instants_of.values() for x in pair)]), return_inverse=True
         )
         held = np.searchsorted(time, instants, "right") - 1
         full = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time)) for n, v in inputs.items()}
         fed = {n: np.interp(instants, time, v) if self._linear else v[held] for n, v in full.items()}
         ran = self._model.run(instants, fed, given, self._linear, effort)
-        places = iter(np.split(back, 1 + 2 * len(looks)))
+        places = iter(np.split(back, 1 + 2 * len(instants_of)))
         now = next(places)
         signals = {name: values[now] for name, values in ran.signals.items()}
         slopes = {name: values[now] for name, values in ran.sensitivities.items()}
         by_delay = {output: np.zeros(len(time)) for output in delays}
-        for output, (then, near) in looks.items():
+        for output, (then, near) in instants_of.items():
             at, beside = next(places), next(places)
             signals[output], slopes[output] = ran.signals[output][at], ran.sensitivities[output][at]
             apart = np.where(near == then, 1.0, near - then)
             by_delay[output] = -(ran.signals[output][beside] - signals[output]) / apart
-        return Trajectory(signals, {name: self._complete(name, found, by_delay) for name, found in slopes.items()})
+        return Trajectory(signals, {name: self._complete(name, values, by_delay) for name, values in slopes.items()})
 
-    def _complete(self, signal: str, found: Array, by_delay: Mapping[str, Array]) -> Array:
+    def _complete(self, signal: str, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
         """Put the derivatives by the delays among the others."""
-        columns, others = [], iter(found.T)
+        columns, others = [], iter(slopes.T)
         of = {name: output for output, name in self.delays.items()}
         for name in self._names:
             if name not in of:
                 columns.append(next(others))
             else:
-                columns.append(by_delay[signal] if of[name] == signal else np.zeros(len(found)))
-        return np.column_stack(columns) if columns else found
+                columns.append(by_delay[signal] if of[name] == signal else np.zeros(len(slopes)))
+        return np.column_stack(columns) if columns else slopes
 
 
-def _look(time: Array, delay: float) -> tuple[Array, Array]:
-    """Return the instants that a delayed output shows, and others close by in the same stretch of held inputs."""
+def _delayed_instants(time: Array, delay: float) -> tuple[Array, Array]:
+    """Return the instants that a delayed output is of, and others close by in the same stretch of held inputs."""
     then = np.maximum(time - delay, time[0])
     near = _NEAR * float(np.median(np.diff(time)))
     following = time[np.minimum(np.searchsorted(time, then, "right"), len(time) - 1)]

@@ -1,4 +1,4 @@
-"""A parameter as a fit gives it."""
+"""A parameter as a fit gives it, and whether it is another than nominal."""
 
 from __future__ import annotations
 
@@ -6,6 +6,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from orchestration.identify.metrics import number
+
+SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
+NOTICEABLE = 0.02  # relative difference below which that is not worth a word
+
+
+def significantly_different(change: float, standard_error: float) -> bool:
+    """Whether a parameter is surely and noticeably another than nominal.
+
+    Parameters
+    ----------
+    change, standard_error : float
+        In a searched coordinate: of the logarithm, or relative to the size of the parameter.
+    """
+    return bool(abs(change) > NOTICEABLE and abs(change) > SIGNIFICANT * standard_error)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from orchestration.reporting.plain import plain_text, preformatted
 Array = NDArray[np.float64]
 # nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
 _METHOD = Method(minimise, tolerance=1e-6, passes=5, settled=1e-3)
-_VAGUE = float(np.log(10.0))  # half width of a logarithm's interval that makes its parameter hardly determined
+_VAGUE = float(np.log(10.0) / norm.ppf(0.975))  # standard error of a logarithm whose parameter is hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
 
@@ -151,24 +151,23 @@ def _intervals(problem: Problem, fitted: FitResult) -> tuple[dict[str, tuple[flo
     weighted = {o: n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()}
     noise = [Noise(c, np.sqrt(v)) for c, v in map(autoregression, fitted.innovation.values())]
     spread = sandwich(fitted.covariance, weighted.values(), noise)
-    half = float(norm.ppf(0.975)) * spread.standard_errors
-    blind = set(np.flatnonzero(spread.unidentifiable).tolist())
+    unidentifiable = set(np.flatnonzero(spread.unidentifiable).tolist())
     silent = set(np.flatnonzero(np.diag(fitted.information) == 0.0).tolist())
-    ends: dict[str, tuple[float, float]] = {}
-    for i, (name, scale) in enumerate(zip(problem.names, problem.scales, strict=True)):
-        q, open_end = fitted.q[i], 0.0 if scale.logarithmic else -np.inf
-        ends[name] = (open_end, np.inf) if i in blind else (scale.value(q - half[i]), scale.value(q + half[i]))
-    vague = {i for i, s in enumerate(problem.scales) if s.logarithmic and half[i] > _VAGUE} - blind
+    wide = np.array([s.logarithmic for s in problem.scales]) & (spread.standard_errors > _VAGUE)
     sentences = [
         (silent, "this record does not determine {}"),
-        (blind - silent, "this record does not determine {} separately"),
-        (vague, "this record hardly determines {}: the interval spans more than a factor of 100"),
+        (unidentifiable - silent, "this record does not determine {} separately"),
+        (
+            set(np.flatnonzero(wide).tolist()) - unidentifiable,
+            "this record hardly determines {}: the interval spans more than a factor of 100",
+        ),
     ]
     warnings = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
-    return ends, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _misses(problem, o, e)]
+    intervals = problem.intervals(fitted.q, spread.standard_errors)
+    return intervals, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _too_slow(problem, o, e)]
 
 
-def _misses(problem: Problem, output: str, residual: Array) -> bool:
+def _too_slow(problem: Problem, output: str, residual: Array) -> bool:
     """Whether a residual is too slow for its colour to be known, and is one at all, beyond rounding."""
     measured = problem.measured[output][problem.present[output]]
     return _independent(residual) < _FEW and bool(np.std(residual) > 1e-6 * np.std(measured))

@@ -2,7 +2,7 @@
 
 A singular value decomposition of the Jacobian, as `scipy.optimize.least_squares` makes in every step, costs several
 times the simulation that gave it. Columns are scaled to unit length, so that the squared condition does no harm at the
-accuracy that noise leaves.
+accuracy that noise allows.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def residual_or_none(residual: Callable[[Array], Array], q: Array) -> Array | No
 
 
 def _step(gradient: Array, curvature: Array, damping: float, low: Array, high: Array) -> Array:
-    """Return the damped step within bounds: who would leave them stays there, and the others make the best of it."""
+    """Return the damped step within bounds: a coordinate that would pass one stays there, and the others adapt."""
     scale = np.sqrt(np.diag(curvature))
     moved = np.zeros_like(gradient)
     free = (scale > 0.0) & ~((low >= 0.0) & (gradient > 0.0)) & ~((high <= 0.0) & (gradient < 0.0))

@@ -1,4 +1,4 @@
-"""How far a simulation is from a measurement, and whether what is left is white."""
+"""How far a simulation is from a measurement, and whether the residual is white."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,18 @@ WHITENESS_SAMPLES = 20  # for every lag of a test of whiteness, and so the fewes
 
 
 def rms(residual: ArrayLike) -> float:
-    """Return the root mean square of a residual, in its unit, over the samples that are not NaN; NaN if none."""
+    """Return the root mean square of a residual.
+
+    Parameters
+    ----------
+    residual : array_like, shape (n,)
+        NaN samples are gaps.
+
+    Returns
+    -------
+    float
+        In its unit; NaN if there are only gaps.
+    """
     values = np.asarray(residual, dtype=float)
     values = values[~np.isnan(values)]
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
@@ -28,9 +39,9 @@ def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
     Parameters
     ----------
     measured : array_like, shape (n,)
-        The record; NaN samples are gaps and are left out.
+        The record; NaN samples are gaps and do not count.
     simulated : array_like, shape (n,)
-        In the same unit; NaN where there is a measurement makes the result NaN, it is never left out.
+        In the same unit; NaN where there is a measurement makes the result NaN, it is never a gap.
 
     Returns
     -------
@@ -55,7 +66,15 @@ def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
 def fit_percent(measured: ArrayLike, simulated: ArrayLike) -> float:
     """Return ``100 (1 - ||y - yhat|| / ||y - mean(y)||)``, the fit of the thesis' table 3-2, in percent.
 
-    100 is perfect, 0 no better than the mean, below 0 worse. Gaps, NaN and errors are as in `normalised_rms`.
+    Parameters
+    ----------
+    measured, simulated : array_like, shape (n,)
+        As of `normalised_rms`, gaps, NaN and errors too.
+
+    Returns
+    -------
+    float
+        100 is perfect, 0 no better than the mean, below 0 worse.
     """
     return 100.0 * (1.0 - normalised_rms(measured, simulated))
 
@@ -73,7 +92,7 @@ class Whiteness:
     lag_one : float
         Autocorrelation at the first lag.
     fraction_outside : float
-        Of the lags, those whose autocorrelation leaves its 99 % band; 0.01 expected if white.
+        Of the lags, those whose autocorrelation is outside its 99 % band; 0.01 expected if white.
     significance : float
     """
 

@@ -1,14 +1,16 @@
-"""The colour of what is left: an autoregression for each output, and the filter that makes it white."""
+"""The noise of an output: an autoregression of its residual, and the filter that makes it white (Box and Jenkins)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.stats import norm
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
@@ -50,14 +52,32 @@ class Noise:
         return np.concatenate(pieces) if pieces else values[:0]
 
     def backwards(self, values: Array) -> Array:
-        """Filter the columns of a Jacobian (m, p) by the noise model, backwards in time.
+        """Filter the columns of a Jacobian by the noise model, backwards in time.
 
-        With e = H w the scores J'e have the covariance J'HH'J var(w), and this is H'J times the deviation of w.
+        With e = H w the scores J'e have the covariance J'HH'J var(w), and this is H'J times the deviation of w (Ljung:
+        System Identification, section 9.4).
+
+        Parameters
+        ----------
+        values : ndarray, shape (m, p)
+
+        Returns
+        -------
+        ndarray, shape (m, p)
         """
         return np.asarray(lfilter([self.deviation], [1.0, *-self.coefficients], values[::-1], axis=0)[::-1])
 
     def kept(self, present: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return the samples that innovations belong to."""
+        """Return the samples that innovations belong to.
+
+        Parameters
+        ----------
+        present : ndarray of bool, shape (n,)
+
+        Returns
+        -------
+        ndarray of int, shape (m - dropped,)
+        """
         where = np.flatnonzero(present)
         return np.concatenate([where[:0], *(where[a + self.memory : b] for a, b in segments(present, self.memory))])
 
@@ -70,7 +90,19 @@ class Noise:
 
 
 def segments(present: NDArray[np.bool_], memory: int = ORDER) -> list[tuple[int, int]]:
-    """Stretches without a gap, longer than the memory, as positions among the samples that are present."""
+    """Stretches without a gap, longer than the memory.
+
+    Parameters
+    ----------
+    present : ndarray of bool, shape (n,)
+    memory : int
+        Samples.
+
+    Returns
+    -------
+    list of tuple of int
+        First and one past the last, as positions among the samples that are present.
+    """
     where = np.flatnonzero(present)
     breaks = np.flatnonzero(np.diff(where) > 1) + 1
     ends = [0, *breaks.tolist(), len(where)]
@@ -78,7 +110,19 @@ def segments(present: NDArray[np.bool_], memory: int = ORDER) -> list[tuple[int,
 
 
 def white(residual: Mapping[str, Array], memory: int = ORDER) -> dict[str, Noise]:
-    """White noise of the size of some residuals, by output; for its memory see `Noise`."""
+    """White noise of the size of residuals.
+
+    Parameters
+    ----------
+    residual : Mapping of str to ndarray, shape (m,)
+        By output.
+    memory : int
+        See `Noise`.
+
+    Returns
+    -------
+    dict of str to Noise
+    """
     return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or _LEAST, memory) for o, e in residual.items()}
 
 
@@ -145,11 +189,31 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
     best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
     if covariance[0] <= 0.0:
         return best
-    criterion = n * np.log(covariance[0])
+    least = n * np.log(covariance[0])
     for order in range(1, len(covariance)):
         toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
         coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
         variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
-        if variance > 0.0 and (found := n * np.log(variance) + order * np.log(n)) < criterion:
-            criterion, best = found, (coefficients, variance)
+        if variance > 0.0 and (bic := n * np.log(variance) + order * np.log(n)) < least:
+            least, best = bic, (coefficients, variance)
     return best
+
+
+def noise_std(values: Array, differences: int = 2) -> float:
+    """Standard deviation of white noise on a signal, robustly from its differences; steps of the signal do no harm.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        NaN is a gap.
+    differences : int
+        How often the signal is differenced: the k-th difference of white noise has its variance times (2k)! / k!^2.
+
+    Returns
+    -------
+    float
+        In the unit of the signal; zero if there are too few samples.
+    """
+    steps = np.diff(values[np.isfinite(values)], differences)
+    scale = float(norm.ppf(0.75)) * np.sqrt(comb(2 * differences, differences))
+    return float(np.median(np.abs(steps)) / scale) if steps.size else 0.0

@@ -97,8 +97,8 @@ class FitResult:
     def covariance(self) -> Covariance:
         """Covariance of the searched coordinates.
 
-        The prior counts, so that parameters of which the record tells a combination only, such as a ratio, are as
-        uncertain as they are.
+        The prior counts, so that parameters of which the record determines a combination only, such as a ratio, are
+        as uncertain as they are.
         """
         return covariance(self.information, self.prior_precision)
 
@@ -204,7 +204,7 @@ def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _P
 
 
 def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
-    """How likely a point makes the record, in the noise that its residual shows."""
+    """How likely a point makes the record, in the noise that is estimated from its residual."""
     q = minimum.q
     residual, slopes = problem.evaluate(q)
     noise = {o: estimate(e, problem.present[o], problem.order) for o, e in residual.items()}

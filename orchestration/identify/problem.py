@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
@@ -79,7 +80,7 @@ class Problem:
     even : bool
         Whether samples are equally spaced.
     order : int
-        As given; 0 where samples are not equally spaced, because no step tells of another.
+        As given; 0 where samples are not equally spaced, because an autoregression is over equal steps.
     scales : list of Scale
     evaluations : int
         Simulations made.
@@ -142,6 +143,12 @@ class Problem:
         """Searched parameters by name."""
         return {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
 
+    def intervals(self, q: Array, standard_errors: Array) -> dict[str, tuple[float, float]]:
+        """95 % confidence intervals of searched parameters by name; their ends are open where an error is infinite."""
+        half = float(norm.ppf(0.975)) * standard_errors
+        ends = zip(self.names, self.scales, q - half, q + half, strict=True)
+        return {n: (s.value(low), s.value(high)) for n, s, low, high in ends}
+
     def position(self, values: Mapping[str, float]) -> Array:
         """Searched coordinates of values by name."""
         return np.array([s.position(values[n]) for n, s in zip(self.names, self.scales, strict=True)])
@@ -154,7 +161,7 @@ class Problem:
         return low, high
 
     def neighbourhood(self, q: Array) -> tuple[Array, Array]:
-        """Bounds about a point within which the residuals are smooth: a longer delay shows a step a sample later."""
+        """Bounds about a point within which the residuals are smooth: with a delay they jump at every sample."""
         low, high = self.bounds()
         for i, samples in self._delays(q):
             ends = np.floor(samples) + np.array([_EDGE, 1.0 - _EDGE])
@@ -172,8 +179,8 @@ class Problem:
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
         """Return which coordinates are delays, and how many samples long each is."""
-        found = [i for i, name in enumerate(self.names) if name in self.model.delays.values()]
-        return [(i, self.scales[i].value(q[i]) / self._step) for i in found]
+        delays = [i for i, name in enumerate(self.names) if name in self.model.delays.values()]
+        return [(i, self.scales[i].value(q[i]) / self._step) for i in delays]
 
     def _delay(self, i: int, samples: float) -> float:
         return self.scales[i].position(samples * self._step)

@@ -14,13 +14,12 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.data.quality import assess
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
-from orchestration.identify.noise import ORDER, segments
+from orchestration.identify.noise import ORDER, noise_std, segments
 from orchestration.records.clock import evenly_sampled
 
 _SHORTEST = 150  # samples to fit to
 _LASTING = 0.5  # of the record, before which an output ends too early
 _FEWEST = 20  # samples without which an output tells nothing
-_THIRD = 0.6745 * np.sqrt(20.0)  # median size of the third differences of white noise, over its deviation
 _LOST = 0.05  # of the noise, below which thousands of samples tell nothing of a response
 _HUGE = 1e30  # no measurement is that large, and its square is still a number
 
@@ -141,8 +140,6 @@ def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
     except UserError:
         return True
     for output, y in data.measured.items():
-        third = np.diff(y[np.isfinite(y)], 3)
-        noise = float(np.median(np.abs(third))) / _THIRD if third.size else 0.0
-        if float(np.sqrt(np.mean((runs[0][output] - runs[1][output]) ** 2))) > _LOST * noise:
+        if float(np.sqrt(np.mean((runs[0][output] - runs[1][output]) ** 2))) > _LOST * noise_std(y, 3):
             return True
     return False

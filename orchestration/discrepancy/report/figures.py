@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 from scipy.signal import welch
 from scipy.stats import chi2, norm
 
@@ -21,6 +20,7 @@ from fmus.kit.units import shown, unit_of_differences
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.report.typography import pretty
+from orchestration.discrepancy.residuals.spectrum import flattening_gain, flattening_pole, local_level
 from orchestration.fmu.model import Model
 from orchestration.identify.metrics import rms
 from orchestration.identify.noise import Noise
@@ -219,14 +219,12 @@ def band(residual: Array, frequency: Array, density: Array, step: float) -> tupl
     -------
     low, high : ndarray, shape (m,)
     """
-    centred = residual - residual.mean()
-    pole = float(centred[1:] @ centred[:-1]) / (float(centred @ centred) or 1.0)
-    passed = np.abs(1.0 - pole * np.exp(-2j * np.pi * frequency * step)) ** 2
+    gain = flattening_gain(flattening_pole(residual), frequency, step) ** 2
     half = _piece(len(residual)) // 2
     pieces = len(residual) // half - 1
     freedom = 2.0 * pieces / (1.0 + 2.0 * (1.0 - 1.0 / pieces) * _OVERLAP)
     low, middle, high = (float(chi2.ppf(share, freedom)) for share in (_TAIL, 0.5, 1.0 - _TAIL))
-    level = median_filter(density**2 * passed, min(_NEIGHBOURS, len(density)), mode="reflect") / passed
+    level = local_level(density**2 * gain, _NEIGHBOURS) / gain
     return np.sqrt(level * low / middle), np.sqrt(level * high / middle)
 
 

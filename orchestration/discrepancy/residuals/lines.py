@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, median_filter
+from scipy.ndimage import maximum_filter
+
+from orchestration.discrepancy.residuals.spectrum import flattening_gain, flattening_pole, local_level
 
 Array = NDArray[np.float64]
 ALPHA = 1e-9  # probability of seeing any of it in noise; a hum that matters is far beyond
@@ -65,15 +67,13 @@ def spectral_lines(residual: Array, step: float, output: Array | None = None) ->
     centred = residual - residual.mean()
     if not centred.any():
         return []
-    # one real pole flattens red noise and cannot swallow a line
-    pole = float(centred[1:] @ centred[:-1] / (centred @ centred))
+    pole = flattening_pole(residual)
     power = _power(centred, pole)
-    level = median_filter(power, _NEIGHBOURS, mode="reflect") / np.log(2.0)
+    level = local_level(power, _NEIGHBOURS) / np.log(2.0)
     ratio = power / np.where(level > 0.0, level, np.inf)
     p = np.minimum(1.0, len(power) * np.exp(-ratio))
     frequency = np.fft.rfftfreq(n - 1, step)[EDGE_BINS:-EDGE_BINS]
-    passed = np.abs(1.0 - pole * np.exp(-2j * np.pi * frequency * step))
-    amplitude = 2.0 * np.sqrt(power) / np.hanning(n - 1).sum() / passed
+    amplitude = 2.0 * np.sqrt(power) / np.hanning(n - 1).sum() / flattening_gain(pole, frequency, step)
     least = np.sqrt(2.0 * _SHARE * np.mean(centred**2))
     followed = np.zeros_like(power) if output is None else TRACKING_SHARE**2 * _power(output - output.mean(), pole)
     matters = (p < ALPHA) & (amplitude > least) & (power > maximum_filter(followed, 2 * MAIN_LOBE_BINS + 1))

@@ -13,10 +13,9 @@ from orchestration.discrepancy.residuals.operating_regions import OperatingRegio
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest, random_walk_test
 from orchestration.discrepancy.residuals.regression import ResidualRegression, regress
 from orchestration.discrepancy.residuals.regressors import RegressorKind, regressors
-from orchestration.discrepancy.systems.inputs import noise_std
 from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, fit_percent, rms, whiteness
-from orchestration.identify.noise import estimate
+from orchestration.identify.noise import estimate, noise_std
 from orchestration.system.check import interface
 
 Array = NDArray[np.float64]

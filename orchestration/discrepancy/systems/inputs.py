@@ -6,17 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from orchestration.discrepancy.systems.cut import InputSource
+from orchestration.identify.noise import noise_std
 
 Array = NDArray[np.float64]
-
-
-def noise_std(values: Array) -> float:
-    """Standard deviation of white noise on a signal, from its second differences; steps of the signal do no harm."""
-    bends = np.diff(values[np.isfinite(values)], 2)
-    return float(np.median(np.abs(bends)) / norm.ppf(0.75) / np.sqrt(6.0)) if bends.size else 0.0
 
 
 class MemberInputs:

@@ -13,10 +13,10 @@ from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.discrepancy.systems.reason import Reason
 from orchestration.discrepancy.systems.verdict import AdjustedParameter, MemberDiagnosis, MemberVerdict, verdict_of
 from orchestration.fmu.archive import read_description
+from orchestration.identify.estimate import significantly_different
 from orchestration.system.check import interface
 
 _LAST_ASSESSMENT = 8  # simulations, whatever the search has used
-_SIGNIFICANT, _NOTICEABLE = 5.0, 0.02  # standard errors, and share, by which a parameter counts as another
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,6 @@ def _parameters(isolated: IsolatedMember, adjusted: AdjustmentResult) -> dict[st
     declared = interface(isolated.member).parameters
     parameters = {}
     for name, value in adjusted.values.items():
-        change = abs(adjusted.change[name])
-        differs = change > _NOTICEABLE and change > _SIGNIFICANT * adjusted.standard_error[name]
+        differs = significantly_different(adjusted.change[name], adjusted.standard_error[name])
         parameters[name] = AdjustedParameter(value, adjusted.nominal[name], declared[name].unit, differs)
     return parameters

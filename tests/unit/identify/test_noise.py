@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from orchestration.identify.noise import ORDER, Noise, autoregression, estimate, segments
+from orchestration.identify.noise import ORDER, Noise, autoregression, estimate, noise_std, segments
 from tests.support.diagnosis import coloured
 
 EVERY = np.ones(4000, dtype=bool)
@@ -40,3 +40,13 @@ def test_noise_models_are_recognised(coefficients, order):
     assert len(found) == order
     assert found == pytest.approx(coefficients, abs=0.03)
     assert variance == pytest.approx(0.09, rel=0.03)
+
+
+@pytest.mark.parametrize("differences", [2, 3])
+def test_noise_is_told_from_steps_and_gaps(differences):
+    time = 0.1 * np.arange(1000)
+    noise = 0.3 * np.random.default_rng(1).standard_normal(time.size)
+    signal = np.where(time > 50.0, 5.0, 0.0) + noise
+    signal[200:230] = np.nan
+    assert noise_std(signal, differences) == pytest.approx(0.3, rel=0.1)
+    assert noise_std(np.ones(2), differences) == 0.0

@@ -1,4 +1,4 @@
-"""What a member is fed between samples, and how noisy that seems to be."""
+"""What a member is fed between samples."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orchestration.discrepancy.systems.cut import InputOrigin, InputSource
-from orchestration.discrepancy.systems.inputs import MemberInputs, noise_std
+from orchestration.discrepancy.systems.inputs import MemberInputs
 from orchestration.system import Port
 
 TIME = 0.1 * np.arange(1000)
@@ -23,14 +23,6 @@ def inputs():
         },
         TIME,
     )
-
-
-def test_noise_is_told_from_steps_and_gaps():
-    noise = 0.3 * np.random.default_rng(1).standard_normal(TIME.size)
-    signal = np.where(TIME > 50.0, 5.0, 0.0) + noise
-    signal[200:230] = np.nan
-    assert noise_std(signal) == pytest.approx(0.3, rel=0.1)
-    assert noise_std(np.ones(2)) == 0.0
 
 
 def test_only_continuous_inputs_change_between_samples():
