@@ -7,7 +7,6 @@ from typing import Any
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.identify.estimate import Estimate
 from orchestration.identify.metrics import number
 
 
@@ -22,7 +21,7 @@ def summary(result: Result) -> dict[str, Any]:
         "baseline": {
             "holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in diagnosis.before.items()},
         },
-        "parameters": {name: _estimate(e) for name, e in diagnosis.estimates.items()},
+        "parameters": {name: e.to_dict() for name, e in diagnosis.estimates.items()},
         "changed": diagnosis.changed,
         "causes": _causes(diagnosis),
         "alternatives": _alternatives(diagnosis),
@@ -54,7 +53,7 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         causes.append({
             "effect": effect.id, "component": diagnosis.selection.base.candidate.cls.name,
             **({"output": effect.output} if effect.output else {}),
-            "parameters": {name: _estimate(diagnosis.estimates[name]) for name in own},
+            "parameters": {name: diagnosis.estimates[name].to_dict() for name in own},
             "evidence": {"delta_bic": step.gain, "p_value": step.p_value},
         })  # fmt: skip
     return causes
@@ -70,7 +69,3 @@ def _alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         for step in diagnosis.selection.steps
         for alternative in step.alternatives
     ]
-
-
-def _estimate(e: Estimate) -> dict[str, Any]:
-    return {"value": e.value, "ci95": [number(end) for end in e.interval], "nominal": e.nominal, "unit": e.unit}
