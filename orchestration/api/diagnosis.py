@@ -12,6 +12,7 @@ from fmus.kit import Component, files
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from orchestration.api.records import matching_record
+from orchestration.api.simulation import values_of
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Verdict
@@ -278,10 +279,9 @@ def diagnose(
     >>> low, high = result.parameters["R1"].interval
     """
     subject = find_model(model) if isinstance(model, str) else model
-    texts = [f"{name}={value}" for name, value in (settings or {}).items()]
     rig = subject.name == DRIVEN
     options = pipeline.Options(
-        given=subject.settings(texts), effects=effects, hold=hold, interpolate=interpolate,
+        given=values_of(subject, settings), effects=effects, hold=hold, interpolate=interpolate,
         limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"),
     )  # fmt: skip
     measured = matching_record(record, subject, mapping)

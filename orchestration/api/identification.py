@@ -10,7 +10,7 @@ import numpy as np
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from orchestration.api.records import matching_record
-from orchestration.api.simulation import as_model
+from orchestration.api.simulation import as_model, values_of
 from orchestration.fmu.model import Model
 from orchestration.identify import comparison, grey_box
 from orchestration.identify.comparison import Comparison
@@ -60,7 +60,7 @@ def compare(
     True
     """
     subject = as_model(model)
-    given = subject.settings([f"{name}={value}" for name, value in (settings or {}).items()])
+    given = values_of(subject, settings)
     return comparison.compare(subject, matching_record(record, subject, mapping), given, fit)
 
 
@@ -109,7 +109,7 @@ def fit(
     subject = as_model(model)
     if subject.cls is None:
         raise UserError(f"{subject.name} is an FMU without equations; name a component or file.py:Class")
-    given = subject.settings([f"{name}={value}" for name, value in (settings or {}).items()])
+    given = values_of(subject, settings)
     data = matching_record(record, subject, mapping)
     n = data.time.size
     constant = {name: np.full(n, value) for name, value in given.items() if name in subject.inputs}

@@ -162,7 +162,7 @@ def simulate(
         if given.shape not in ((), points.shape):
             raise UserError(f"{name}: shape {given.shape} for {points.size} points in time")
         driven[name] = np.broadcast_to(given, points.shape)
-    parameters = subject.settings([f"{name}={value}" for name, value in (settings or {}).items()])
+    parameters = values_of(subject, settings)
     return Simulation(subject, points, driven, run_fmu(subject, points, driven, parameters))
 
 
@@ -171,3 +171,8 @@ def as_model(model: Model | type[Component] | str) -> Model:
     if isinstance(model, type):
         return model_of(model)
     return find_model(model) if isinstance(model, str) else model
+
+
+def values_of(model: Model, settings: Mapping[str, float | str] | None) -> dict[str, float]:
+    """Return settings, numbers or texts with a unit, as values in the model's units."""
+    return model.settings([f"{name}={value}" for name, value in (settings or {}).items()])
