@@ -43,6 +43,7 @@ _COMMANDS = {
         "thesis:thesis",
     ),
     "system": ("Systems of components: show, draw, check, and export as SSP.", "system:systems"),
+    "rig": ("The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.", "rig:rig"),
 }
 
 

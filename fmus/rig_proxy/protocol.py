@@ -1,0 +1,159 @@
+"""The rig protocol, version 1: what its messages are and how they stand in a frame (``docs/reference/protocol.md``).
+
+Needs Python alone: it travels inside the Python FMU, and the server has it from here.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from ..kit.errors import UserError
+
+VERSION = 1
+MAX_FRAME = 65536  # bytes
+ENDPOINT = "tcp://127.0.0.1:5570"
+
+REAL_TIME, LOCKSTEP = "real-time", "lockstep"
+IDLE, RUNNING, SAFE = "idle", "running", "safe"
+
+
+class ProtocolError(UserError):
+    """A frame that is no message of the protocol; the text says why."""
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**53
+
+
+def _is_numbers(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_is_number, value))
+
+
+def _is_values(value: Any) -> bool:
+    return isinstance(value, list) and all(v is None or _is_number(v) for v in value)
+
+
+def _is_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_is_text, value))
+
+
+def _is_units(value: Any) -> bool:
+    return isinstance(value, dict) and all(map(_is_text, value.values()))
+
+
+def _is_limits(value: Any) -> bool:
+    return isinstance(value, dict) and all(
+        isinstance(limit, dict) and all(limit.get(key) is None or _is_number(limit[key]) for key in LIMIT_KEYS)
+        for limit in value.values()
+    )
+
+
+def _is_mapping(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+LIMIT_KEYS = ("min", "max", "rate")
+
+_SAMPLE = {"values": _is_values, "ages": _is_values}
+_RIG = {"mode": _is_text, "period": _is_number, "watchdog": _is_number, "limits": _is_limits}
+_STATE = {"state": _is_text, "reason": _is_text, "clock": _is_number, "client": _is_text}
+_NAMED = {"inputs": _is_units, "outputs": _is_units}
+
+# What each message must have, beside its version and type.
+REQUESTS = {
+    "connect": {"client": _is_text, **_NAMED, "time": _is_number},
+    "exchange": {
+        "session": _is_text, "sequence": _is_count, "sent": _is_number, "seen": _is_number, "time": _is_number,
+        "step": _is_number, "values": _is_numbers,
+    },
+    "disconnect": {"session": _is_text},
+    "stop": {"reason": _is_text},
+    "acknowledge": {},
+    "status": {},
+}  # fmt: skip
+REPLIES = {
+    "accepted": {"session": _is_text, "clock": _is_number, **_RIG, **_SAMPLE},
+    "refused": {"reason": _is_text},
+    "sample": {
+        "session": _is_text, "sequence": _is_count, "sent": _is_number, "clock": _is_number, **_SAMPLE,
+        "state": _is_text, "reason": _is_text, "refused": _is_texts,
+    },
+    "disconnected": {},
+    "status": {**_STATE, **_RIG, **_NAMED, "counts": _is_mapping},
+    "telemetry": {
+        **_STATE, "inputs": _is_mapping, "outputs": _is_mapping, "ages": _is_mapping, "refused": _is_texts,
+    },
+}  # fmt: skip
+
+
+def encode(kind: str, **fields: Any) -> bytes:
+    """Write a message.
+
+    Parameters
+    ----------
+    kind : str
+        Its type.
+    **fields
+        Everything else; numbers are finite.
+
+    Returns
+    -------
+    bytes
+        One frame.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+    """
+    return json.dumps({"ppy": VERSION, "type": kind, **fields}, allow_nan=False, separators=(",", ":")).encode()
+
+
+def decode(frame: bytes, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Read a message.
+
+    Parameters
+    ----------
+    frame : bytes
+        Whatever arrived.
+    known : dict
+        :data:`REQUESTS` for a server, :data:`REPLIES` for a client.
+
+    Returns
+    -------
+    dict of str to object
+        Its fields, ``type`` among them.
+
+    Raises
+    ------
+    ProtocolError
+        If it is too long, no JSON object, of another version, of no known type, or lacks a field.
+    """
+    if len(frame) > MAX_FRAME:
+        raise ProtocolError(f"a frame of {len(frame)} bytes; {MAX_FRAME} are allowed")
+    try:
+        message = json.loads(frame)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError(f"a frame that is no JSON ({type(error).__name__})") from error
+    if not isinstance(message, dict):
+        raise ProtocolError("a frame that is no JSON object")
+    if message.get("ppy") != VERSION:
+        raise ProtocolError(f"protocol version {str(message.get('ppy'))[:20]}; this is version {VERSION}")
+    kind = message.get("type")
+    fields = known.get(kind) if isinstance(kind, str) else None
+    if fields is None:
+        raise ProtocolError(f"a message of type {str(kind)[:40]!r}; there are {', '.join(known)}")
+    for name, is_right in fields.items():
+        if name not in message or not is_right(message[name]):
+            raise ProtocolError(f"a message {kind} whose {name} is {str(message.get(name, 'missing'))[:60]}")
+    return message

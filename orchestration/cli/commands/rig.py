@@ -1,0 +1,12 @@
+"""``ppy rig``: the other end of the cable. Each subcommand is a function in a module of :mod:`orchestration.cli.rig`."""
+
+from __future__ import annotations
+
+import typer
+
+rig = typer.Typer(
+    name="rig",
+    add_completion=False,
+    rich_markup_mode="rich",
+    help="The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.",
+)

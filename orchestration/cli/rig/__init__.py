@@ -1,0 +1,1 @@
+"""The subcommands of ``ppy rig``, a function each."""
