@@ -4,7 +4,7 @@ Importing this package is cheap; it needs only the standard library, because it 
 """
 
 from .component import Component, Effect, stack
-from .declare import Discrete, Input, Output, Parameter, Preset, State
+from .declare import Discrete, Input, Output, Parameter, Preset, State, Text
 from .errors import UserError
 from .functions import (
     absolute,
@@ -29,7 +29,7 @@ from .functions import (
 )
 
 __all__ = [
-    "Component", "Discrete", "Effect", "Input", "Output", "Parameter", "Preset", "State", "UserError",
+    "Component", "Discrete", "Effect", "Input", "Output", "Parameter", "Preset", "State", "Text", "UserError",
     "absolute", "arccos", "arctan2", "clip", "cos", "exp", "floor", "hypot", "log", "logical_and", "logical_not",
     "logical_or", "maximum", "minimum", "sign", "sin", "sqrt", "stack", "tanh", "where",
 ]  # fmt: skip

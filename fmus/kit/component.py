@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from zlib import crc32
 
 from .declare import Declaration, Preset
+from .engine import Engine
 from .errors import UserError, suggestion
 from .layout import Layout, arrange, check, extract
 
@@ -47,6 +48,8 @@ class Component:
         Stop time and communication step in seconds, for the FMU's ``DefaultExperiment``.
     presets : Mapping of str to Preset
         Named sets of parameter values, which the FMU brings along.
+    engine : Engine or None
+        What computes it, where that is not its laws.
     declared : dict of str to Declaration
         What this class itself declares, by name.
     layout : Layout
@@ -62,6 +65,7 @@ class Component:
     experiment: ClassVar[tuple[float, float]] = (100.0, 0.1)
     tolerance: ClassVar[float] = 1e-8
     presets: ClassVar[Mapping[str, Preset]] = {}
+    engine: ClassVar[Engine | None] = None
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]
     time: Any
@@ -77,7 +81,8 @@ class Component:
 
     def __init__(self, **values: Any) -> None:
         layout = self.layout
-        known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)}
+        known: dict[str, Any] = {v.name: v.start for v in (*layout.parameters, *layout.inputs)}
+        known |= {text.name: text.start for text in layout.texts}
         for name in values:
             if name not in known:
                 raise UserError(f"{self.name or type(self).__name__}: no parameter or input named {name!r}")

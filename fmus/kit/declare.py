@@ -80,6 +80,19 @@ class ParameterDeclaration(Started):
 
 
 @dataclass(kw_only=True, eq=False)
+class TextDeclaration(Declaration):
+    """A parameter that is a text: an address, the name of a file. No law sees it.
+
+    Attributes
+    ----------
+    start : str
+        Its default.
+    """
+
+    start: str = ""
+
+
+@dataclass(kw_only=True, eq=False)
 class InputDeclaration(Started):
     """A value set from outside at communication points."""
 
@@ -182,6 +195,19 @@ def Parameter(default: Number, unit: str, **about: Any) -> Any:
         The other attributes of :class:`Declaration`: range, nominal value, description, ...
     """
     return ParameterDeclaration(start=default, unit=unit, **about)
+
+
+def Text(default: str, doc: str) -> Any:
+    """Declare a parameter that is a text, for a component with an engine of its own.
+
+    Parameters
+    ----------
+    default : str
+        At most 511 bytes of UTF-8.
+    doc : str
+        One sentence for the FMI ``description``.
+    """
+    return TextDeclaration(start=default, unit="1", doc=doc, type="string")
 
 
 def Input(unit: str, start: Number = 0.0, **about: Any) -> Any:

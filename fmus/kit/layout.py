@@ -17,11 +17,13 @@ from .declare import (
     ParameterDeclaration,
     Started,
     StateDeclaration,
+    TextDeclaration,
     starting,
 )
 from .errors import UserError
 
 _TYPES = ("real", "integer", "boolean")
+_LONGEST_TEXT = 511  # bytes, of fmi2/engine.h
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Layout:
     states : tuple of StateDeclaration
     discretes : tuple of DiscreteDeclaration
     outputs : tuple of OutputDeclaration
+    texts : tuple of TextDeclaration
+        Not in memory; their value references come behind those of all names.
     """
 
     parameters: tuple[ParameterDeclaration, ...]
@@ -43,6 +47,7 @@ class Layout:
     states: tuple[StateDeclaration, ...]
     discretes: tuple[DiscreteDeclaration, ...]
     outputs: tuple[OutputDeclaration, ...]
+    texts: tuple[TextDeclaration, ...] = ()
 
     @property
     def derivatives(self) -> list[tuple[str, str]]:
@@ -131,7 +136,8 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
         )  # fmt: skip
         starts.append(starting(start, state.name))
     parameters = (*of(ParameterDeclaration), *starts)
-    return Layout(parameters, *map(of, (InputDeclaration, StateDeclaration, DiscreteDeclaration, OutputDeclaration)))
+    kinds = (InputDeclaration, StateDeclaration, DiscreteDeclaration, OutputDeclaration, TextDeclaration)
+    return Layout(parameters, *map(of, kinds))
 
 
 def check(owner: Any, layout: Layout) -> None:
@@ -158,7 +164,7 @@ def _check_variables(owner: Any, layout: Layout) -> None:
     component = owner.__mro__[-2]
     names = set()
     # parameters last, so that a mistake in a state is not blamed on its start parameter
-    for v in (*layout.inputs, *layout.states, *layout.discretes, *layout.outputs, *layout.parameters):
+    for v in (*layout.inputs, *layout.states, *layout.discretes, *layout.outputs, *layout.parameters, *layout.texts):
         holder = component if isinstance(v, OutputDeclaration) else owner  # the law of an output has its name
         if not _is_name(v.name) or v.name.startswith("_"):
             raise _mistake(owner, v, "must be named by an ASCII identifier without an underscore in front")
@@ -171,6 +177,10 @@ def _check_variables(owner: Any, layout: Layout) -> None:
             raise _mistake(owner, v, f"has an empty range, {_span(v)}")
         if not 0.0 < v.nominal < inf:
             raise _mistake(owner, v, f"has the nominal value {v.nominal:g} {v.unit}; it must be positive")
+        if isinstance(v, TextDeclaration):
+            if len(v.start.encode()) > _LONGEST_TEXT:
+                raise _mistake(owner, v, f"starts with a text of more than {_LONGEST_TEXT} bytes")
+            continue
         if v.type not in _TYPES or (v.type != "real" and isinstance(v, StateDeclaration)):
             kinds = "there are real, integer and boolean, and a continuous state is real"
             raise _mistake(owner, v, f"is of type {v.type!r}; {kinds}")

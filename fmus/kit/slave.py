@@ -42,9 +42,11 @@ class Slave:
         Doubles in the order of :class:`fmus.kit.layout.Layout`, then derivatives, then the internals
         ``hint, start time, tolerance, parameters changed`` and a counter for each sampled group
         (``fmi2/engine.h``).
+    texts : memoryview
+        Text parameters, of which laws know nothing.
     """
 
-    def __init__(self, cls: type[Component], memory: Any):
+    def __init__(self, cls: type[Component], memory: Any, texts: Any = b""):
         layout = cls.layout
         first_input = len(layout.parameters)
         first_state = first_input + len(layout.inputs)
@@ -98,7 +100,7 @@ class Slave:
             for index, law in enumerate(laws, first):
                 memory[index] = law()
         except BaseException as error:
-            return _sentence(error)
+            return sentence(error)
         return None
 
     def advance(self, time: float, step: float) -> str | None:
@@ -130,8 +132,15 @@ class Slave:
             for index, count in enumerate(integrator.counters, internals + _COUNTERS):
                 memory[index] = count
         except BaseException as error:
-            return _sentence(error)
+            return sentence(error)
         return None
+
+    def warning(self) -> str | None:
+        """Say what is to be told of a step that succeeded: laws have nothing to tell."""
+        return None
+
+    def terminate(self) -> None:
+        """End the simulation: laws hold nothing that would have to end."""
 
     def close(self) -> None:
         """Let go of the memory before the front-end frees it."""
@@ -143,13 +152,23 @@ class Slave:
         self.memory[self._internals + _PARAMETERS_CHANGED] = 0.0
 
 
-def _sentence(error: BaseException) -> str:
+def sentence(error: BaseException) -> str:
+    """Describe an error for the host in one line; Ctrl-C reaches it too.
+
+    Parameters
+    ----------
+    error : BaseException
+
+    Returns
+    -------
+    str
+    """
     if isinstance(error, UserError):
         return str(error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    sentence = f"{type(error).__name__}: {error} (in {frame.name}, line {frame.lineno} of {frame.filename})"
+    text = f"{type(error).__name__}: {error} (in {frame.name}, line {frame.lineno} of {frame.filename})"
     if isinstance(error, KeyboardInterrupt):
         # The host shall see it too, but after this call, which would end it again: another thread waits for the lock
         # of Python until then. Nothing here may take long after it has started.
         _thread.start_new_thread(_thread.interrupt_main, ())
-    return sentence
+    return text

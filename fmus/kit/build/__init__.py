@@ -39,6 +39,8 @@ class Plan:
         Path in the archive to contents.
     sources : dict of str to bytes
         C files and headers by name.
+    libraries : Mapping of str to tuple of str
+        What they are linked with, by platform.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Plan:
     guid: str
     files: dict[str, bytes]
     sources: dict[str, bytes]
+    libraries: Mapping[str, tuple[str, ...]]
 
 
 def plan(cls: type[Component], runtime: str) -> Plan:
@@ -69,30 +72,30 @@ def plan(cls: type[Component], runtime: str) -> Plan:
     """
     # CasADi takes a tenth of a second to load; compilers, parameter files and pages, below this package, need none
     from fmus.kit.build.description import Capabilities, describe
-    from fmus.kit.build.sources import UNIT, c_sources
+    from fmus.kit.build.sources import UNIT, c_sources, engine_sources
     from fmus.kit.symbolic.trace import trace
 
     if runtime not in RUNTIMES:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(RUNTIMES)}")
     graph = trace(cls)
-    native = runtime == "native"
+    native, engine = runtime == "native", engine_sources(cls, runtime)
     contents = documents(cls) | ({} if native else python_package(cls))
     can = Capabilities(
         needs_execution_tool=not native,
-        interpolates_inputs=native,
-        directional_derivatives=native,
+        interpolates_inputs=native and cls.engine is None,
+        directional_derivatives=native and cls.engine is None,
         sources=(UNIT,) if native else (),
     )
 
     def described(guid: str) -> dict[str, bytes]:
         return {"modelDescription.xml": describe(cls, graph, can, version(), guid)}
 
-    guid = _guid(contents | c_sources(graph, runtime, _NO_GUID) | described(_NO_GUID))
-    sources = c_sources(graph, runtime, guid)
+    guid = _guid(contents | c_sources(graph, engine, _NO_GUID) | described(_NO_GUID))
+    sources = c_sources(graph, engine, guid)
     contents |= described(guid)
     if native:
         contents |= {f"sources/{name}": text for name, text in sources.items()}
-    return Plan(cls.name, runtime, guid, contents, sources)
+    return Plan(cls.name, runtime, guid, contents, sources, engine.libraries)
 
 
 def build(
@@ -159,7 +162,7 @@ def _packed(planned: Plan, platforms: Sequence[str], progress: Callable[[str], N
     for target in platforms:
         progress(f"{planned.name}: {planned.runtime} for {target}, with {toolchain.find_compiler(target).label}")
         path = f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"
-        binaries[path] = compiled(planned.sources, planned.runtime, target)
+        binaries[path] = compiled(planned.sources, planned.libraries.get(target, ()), target)
     return archive.pack(planned.files | binaries)
 
 

@@ -10,7 +10,7 @@ import ast
 import importlib.util
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ RUNTIME_MODULES = (
     "__init__",
     "component",
     "declare",
+    "engine",
     "errors",
     "functions",
     "generic",
@@ -47,10 +48,13 @@ class Bundle:
         Path below the root of the package to contents.
     places : dict of str to str
         Module name outside to dotted name below the root of the package.
+    needs : collection of str
+        Packages that are not brought along, and may be imported all the same.
     """
 
     files: dict[str, bytes] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
+    needs: Collection[str] = ()
 
     def add(self, module: str) -> str:
         """Take in a module and all it imports of ours and of the user's.
@@ -84,7 +88,7 @@ class Bundle:
 
     def _place(self, module: str, source: Path) -> str:
         if "." in module:
-            return _place_in_package(module)
+            return place_of(module)
         stem = re.sub(r"\W", "_", source.stem)
         taken = set(self.places.values())
         names = (f"{_FILES}.{stem}" + (f"_{n}" if n > 1 else "") for n in range(1, len(taken) + 2))
@@ -96,7 +100,7 @@ class Bundle:
         lines = text.split("\n")
         for node in _imports(ast.parse(text, str(source))):
             if isinstance(node, ast.Import):
-                _check_plain_import(node, source)
+                _check_plain_import(node, source, self.needs)
                 continue
             wanted = self._target(module, source, node)
             if wanted is not None and node.level == 0:
@@ -115,7 +119,7 @@ class Bundle:
         if node.level and not package:
             raise UserError(f"{where}: 'from {name} import' needs a package, but {source.name} was loaded by itself")
         name = importlib.util.resolve_name(name, package) if node.level else name
-        if name.split(".")[0] in sys.stdlib_module_names:
+        if name.split(".")[0] in (*sys.stdlib_module_names, *self.needs):
             return None
         modules = {f"{name}.{alias.name}" for alias in node.names if _is_module(f"{name}.{alias.name}")}
         if len(modules) < len(node.names):
@@ -132,16 +136,17 @@ class Bundle:
             )
         for wanted in sorted(modules):
             self.add(wanted)
-        return _place_in_package(name)
+        return place_of(name)
 
 
-def _place_in_package(module: str) -> str:
+def place_of(module: str) -> str:
+    """Dotted name of a module below the root of the package, for one that is in a package outside."""
     return module.removeprefix(f"{_OURS}.") if module.startswith(f"{_OURS}.") else f"{_PACKAGES}.{module}"
 
 
-def _check_plain_import(node: ast.Import, source: Path) -> None:
+def _check_plain_import(node: ast.Import, source: Path, needs: Collection[str]) -> None:
     for alias in node.names:
-        if alias.name.split(".")[0] not in sys.stdlib_module_names:
+        if alias.name.split(".")[0] not in (*sys.stdlib_module_names, *needs):
             raise UserError(
                 f"{source}, line {node.lineno}: 'import {alias.name}' cannot go into a Python FMU, which brings the "
                 f"standard library and {_KIT} only; write 'from {_KIT} import ...', or 'from .module import ...' for "
@@ -179,13 +184,19 @@ def _imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
             yield from _imports(node)
 
 
-def bundle(classes: Iterable[type[Component]]) -> tuple[dict[str, bytes], dict[type[Component], tuple[str, str]]]:
+def bundle(
+    classes: Iterable[type[Component]], modules: Iterable[str] = (), needs: Collection[str] = ()
+) -> tuple[dict[str, bytes], dict[type[Component], tuple[str, str]]]:
     """Collect the modules of some classes.
 
     Parameters
     ----------
     classes : iterable of type
         Components and effects.
+    modules : iterable of str
+        What has to go with them.
+    needs : collection of str
+        Packages that are not brought along, and may be imported all the same.
 
     Returns
     -------
@@ -200,12 +211,14 @@ def bundle(classes: Iterable[type[Component]]) -> tuple[dict[str, bytes], dict[t
     UserError
         If a class is not at the top of a file, or its module imports what an FMU cannot bring along.
     """
-    collected, places = Bundle(), {}
+    collected, places = Bundle(needs=needs), {}
+    for wanted_module in modules:
+        collected.add(wanted_module)
     for cls in classes:
         wanted: Any = vars(cls).get("made_by", cls)
         module, name = wanted.__module__, wanted.__name__
         if wanted.__qualname__ != name or getattr(sys.modules.get(module), name, None) is not wanted:
             raise UserError(f"{cls.__qualname__} is not defined at the top of a module: a Python FMU cannot import it")
         of_kit = module.startswith(f"{_KIT}.")  # it is there already
-        places[cls] = _place_in_package(module) if of_kit else collected.add(module), name
+        places[cls] = place_of(module) if of_kit else collected.add(module), name
     return collected.files, places

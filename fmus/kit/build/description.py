@@ -89,7 +89,7 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
         root, "CoSimulation", modelIdentifier=cls.name,
         needsExecutionTool=_flag(can.needs_execution_tool), canHandleVariableCommunicationStepSize="true",
         canInterpolateInputs=_flag(can.interpolates_inputs), canNotUseMemoryManagementFunctions="true",
-        canGetAndSetFMUstate="true", canSerializeFMUstate="true",
+        canGetAndSetFMUstate=_flag(cls.engine is None), canSerializeFMUstate=_flag(cls.engine is None),
         providesDirectionalDerivative=_flag(can.directional_derivatives),
     )  # fmt: skip
     if can.sources:
@@ -216,6 +216,12 @@ def _variables(root: Element, cls: type[Component]) -> None:
             causality="local", variability="continuous", initial="calculated",
         )  # fmt: skip
         SubElement(node, "Real", unit=unit, derivative=str(first_state + index + 1))
+    for reference, parameter in enumerate(layout.texts, len(layout.names)):
+        node = SubElement(
+            parent, "ScalarVariable", name=parameter.name, valueReference=str(reference), description=parameter.doc,
+            causality="parameter", variability="fixed", initial="exact",
+        )  # fmt: skip
+        SubElement(node, "String", start=parameter.start)
 
 
 def _structure(root: Element, layout: Layout, graph: Graph) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from fmus.kit.build import toolchain
+from fmus.kit.component import Component
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import Graph
 
@@ -19,29 +21,61 @@ _FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 
 @dataclass(frozen=True)
-class _Engine:
-    """Files of an engine (``fmi2/engine.h``), files that are generated for it, and what it is linked with."""
+class EngineSources:
+    """Files of an engine (``fmi2/engine.h``), files that are generated for it, and what it is linked with.
 
-    header: str
-    sources: tuple[str, ...]
+    Attributes
+    ----------
+    headers, sources : tuple of Path
+    generated : tuple of str
+    libraries : Mapping of str to tuple of str
+        By FMI platform.
+    """
+
+    headers: tuple[Path, ...]
+    sources: tuple[Path, ...]
     generated: tuple[str, ...]
-    libraries: tuple[str, ...]
+    libraries: Mapping[str, tuple[str, ...]]
 
 
-_ENGINES = {
-    "native": _Engine("native.h", ("native.c", "integrate.c"), ("model.c", "laws.c"), ("m",)),
-    "python": _Engine("python.h", ("python.c", "library.c"), ("model.c",), ("dl",)),
-}
+def _unix(library: str) -> dict[str, tuple[str, ...]]:
+    return {"linux64": (library,), "darwin64": (library,)}
 
 
-def c_sources(graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
+_NATIVE = EngineSources(
+    (FOLDER / "native.h",), (FOLDER / "native.c", FOLDER / "integrate.c"), ("model.c", "laws.c"), _unix("m")
+)
+_PYTHON = EngineSources((FOLDER / "python.h",), (FOLDER / "python.c", FOLDER / "library.c"), ("model.c",), _unix("dl"))
+
+
+def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
+    """Find the C files of what computes a component.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    runtime : {"python", "native"}
+
+    Returns
+    -------
+    EngineSources
+    """
+    own = cls.engine
+    if own is None or runtime == "python":
+        return _PYTHON if runtime == "python" else _NATIVE
+    folder = Path(next(iter(import_module(own.folder).__path__)))
+    headers, sources = (tuple(folder / name for name in names) for names in (own.headers, own.sources))
+    return EngineSources(headers, sources, ("model.c",), own.libraries)
+
+
+def c_sources(graph: Graph, engine: EngineSources, guid: str) -> dict[str, bytes]:
     """Write every C file of a build, and the headers it needs.
 
     Parameters
     ----------
     graph : Graph
         The traced component.
-    runtime : {"python", "native"}
+    engine : EngineSources
     guid : str
 
     Returns
@@ -49,12 +83,11 @@ def c_sources(graph: Graph, runtime: str, guid: str) -> dict[str, bytes]:
     dict of str to bytes
         Name to contents, :data:`UNIT` among them.
     """
-    engine = _ENGINES[runtime]
-    generate = codegen.native_sources if runtime == "native" else codegen.python_sources
+    generate = codegen.native_sources if "laws.c" in engine.generated else codegen.lawless_sources
     generated = {name: text.encode() for name, text in generate(graph, guid).items()}
-    own = (*_HEADERS, engine.header, *_FRONT_END, *engine.sources)
-    sources = {name: (FOLDER / name).read_bytes() for name in own}
-    sources[UNIT] = unit(*_FRONT_END, *engine.sources, *engine.generated)
+    own = (*(FOLDER / name for name in (*_HEADERS, *_FRONT_END)), *engine.headers, *engine.sources)
+    sources = {path.name: path.read_bytes() for path in own}
+    sources[UNIT] = unit(*_FRONT_END, *(path.name for path in engine.sources), *engine.generated)
     sources |= {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
     return sources | generated
 
@@ -76,14 +109,15 @@ def unit(*names: str) -> bytes:
     return "".join(f'#include "{name}"\n' for name in names).encode()
 
 
-def compiled(sources: Mapping[str, bytes], runtime: str, target: str) -> bytes:
+def compiled(sources: Mapping[str, bytes], libraries: Sequence[str], target: str) -> bytes:
     """Compile the sources of a build.
 
     Parameters
     ----------
     sources : Mapping of str to bytes
         See :func:`c_sources`.
-    runtime : {"python", "native"}
+    libraries : sequence of str
+        Names for ``-l``.
     target : str
         FMI platform.
 
@@ -100,5 +134,4 @@ def compiled(sources: Mapping[str, bytes], runtime: str, target: str) -> bytes:
     with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
         for name, contents in sources.items():
             (Path(folder) / name).write_bytes(contents)
-        libraries = _ENGINES[runtime].libraries
         return toolchain.compile_library([Path(folder) / UNIT], [Path(folder)], target, libraries=libraries)

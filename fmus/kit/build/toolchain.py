@@ -158,7 +158,7 @@ def compile_library(
     target : str
         FMI 2 platform.
     libraries : sequence of str
-        Names for ``-l``, used where the platform is not Windows.
+        Names for ``-l``.
 
     Returns
     -------
@@ -178,7 +178,7 @@ def compile_library(
             command = [*compiler.command, *(("-target", zig_target) if zig_target else ()), *_FLAGS]
             command += [f"-I{folder}" for folder in include]
             command += [*map(str, sources), "-o", str(output)]
-            command += [f"-l{library}" for library in libraries] if target != "win64" else []
+            command += [f"-l{library}" for library in libraries]
             if target == "darwin64":
                 command += ["-Wl,-install_name,@rpath/library.dylib"]
             done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)

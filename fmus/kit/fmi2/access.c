@@ -4,6 +4,7 @@
 
 #include <limits.h>
 #include <math.h>
+#include <string.h>
 
 static const char *const type_names[] = {"Real", "Integer", "Boolean"};
 
@@ -15,9 +16,14 @@ static bool valid(const Instance *instance, const char *function, Type type, con
         return false;
     }
     for (size_t i = 0; i < n; i++) {
+        if (vr[i] >= MODEL_VARIABLES && vr[i] < MODEL_VARIABLES + MODEL_TEXTS) {
+            report(instance, fmi2Error, "%s: value reference %u is '%s', which is of type String", function, vr[i],
+                   model_texts[vr[i] - MODEL_VARIABLES].name);
+            return false;
+        }
         if (vr[i] >= MODEL_VARIABLES) {
             report(instance, fmi2Error, "%s: value reference %u does not exist; the last one is %d", function, vr[i],
-                   MODEL_VARIABLES - 1);
+                   MODEL_VARIABLES + MODEL_TEXTS - 1);
             return false;
         }
         if (model_variables[vr[i]].type != type) {
@@ -27,6 +33,23 @@ static bool valid(const Instance *instance, const char *function, Type type, con
         }
     }
     return true;
+}
+
+static bool texts_valid(const Instance *instance, const char *function, const fmi2ValueReference vr[], size_t n,
+                        const void *values) {
+    if (n > 0 && MODEL_TEXTS == 0)
+        report(instance, fmi2Error, "%s: %s has no String variables", function, model_name);
+    else if (n > 0 && (vr == NULL || values == NULL))
+        report(instance, fmi2Error, "%s: an array is NULL though it should have %zu elements", function, n);
+    else {
+        for (size_t i = 0; i < n; i++)
+            if (vr[i] < MODEL_VARIABLES || vr[i] >= MODEL_VARIABLES + MODEL_TEXTS) {
+                report(instance, fmi2Error, "%s: value reference %u is no String variable", function, vr[i]);
+                return false;
+            }
+        return true;
+    }
+    return false;
 }
 
 /* ---- reading ------------------------------------------------------------------------------------ */
@@ -77,11 +100,11 @@ EXPORT fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[],
 
 EXPORT fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2String value[]) {
     Instance *instance = c;
-    (void)vr;
-    (void)value;
-    if (!allowed(instance, READABLE, "fmi2GetString"))
+    if (!allowed(instance, READABLE, "fmi2GetString") || !texts_valid(instance, "fmi2GetString", vr, n, value))
         return fmi2Error;
-    return n == 0 ? fmi2OK : report(instance, fmi2Error, "fmi2GetString: %s has no String variables", model_name);
+    for (size_t i = 0; i < n; i++)
+        value[i] = instance->texts[vr[i] - MODEL_VARIABLES];
+    return fmi2OK;
 }
 
 /* ---- writing ------------------------------------------------------------------------------------ */
@@ -136,12 +159,23 @@ EXPORT fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[],
 }
 
 EXPORT fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[]) {
+    static const char function[] = "fmi2SetString";
     Instance *instance = c;
-    (void)vr;
-    (void)value;
-    if (!allowed(instance, BEFORE_START | STEP_COMPLETE, "fmi2SetString"))
+    if (!allowed(instance, BEFORE_START | STEP_COMPLETE, function) || !texts_valid(instance, function, vr, n, value))
         return fmi2Error;
-    return n == 0 ? fmi2OK : report(instance, fmi2Error, "fmi2SetString: %s has no String variables", model_name);
+    for (size_t i = 0; i < n; i++) {
+        const char *name = model_texts[vr[i] - MODEL_VARIABLES].name;
+        if (((int)instance->now.mode & BEFORE_START) == 0)
+            return report(instance, fmi2Error, "%s: parameter '%s' cannot be set after initialization", function, name);
+        if (value[i] == NULL)
+            return report(instance, fmi2Error, "%s: the text for '%s' is NULL", function, name);
+        if (strlen(value[i]) >= TEXT_SIZE)
+            return report(instance, fmi2Error, "%s: the text for '%s' has %zu bytes; %d are allowed", function, name,
+                          strlen(value[i]), TEXT_SIZE - 1);
+    }
+    for (size_t i = 0; i < n; i++)
+        memmove(instance->texts[vr[i] - MODEL_VARIABLES], value[i], strlen(value[i]) + 1);
+    return fmi2OK;
 }
 
 /* ---- directional derivatives -------------------------------------------------------------------- */

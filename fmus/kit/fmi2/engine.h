@@ -2,13 +2,13 @@
  *
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
- *     engine      native.c integrate.c   or   python.c library.c
+ *     engine      native.c integrate.c,   python.c library.c,   or a component's own
  *     model       model.h model.c, and laws.c with the native engine   (generated)
  *
  * What the generator writes
  * -------------------------
  * model.h, sizes known at compile time (macros; laws sizes only with the native engine):
- *     MODEL_PARAMETERS MODEL_INPUTS MODEL_STATES MODEL_DISCRETES MODEL_OUTPUTS MODEL_GROUPS
+ *     MODEL_PARAMETERS MODEL_INPUTS MODEL_STATES MODEL_DISCRETES MODEL_OUTPUTS MODEL_GROUPS MODEL_TEXTS
  *     LAWS_SZ_ARG LAWS_SZ_RES LAWS_SZ_IW LAWS_SZ_W      maxima over all functions of laws.c
  *     LAWS_UPDATES(X)      expands to  X(update_0) X(update_1) ...  and to nothing without groups
  * model.c, includes engine.h and defines the constants declared under "model" below.
@@ -35,6 +35,8 @@
  *                          (parameter set, reset, state restored); the engine may clear it
  *     counters             for each group the k of its next sample
  *     slopes               for each input its time derivative over the next step (native engine)
+ *
+ * Texts are parameters too, but stand beside that block; text i has the value reference MODEL_VARIABLES + i.
  */
 #ifndef ENGINE_H
 #define ENGINE_H
@@ -82,12 +84,19 @@ typedef struct {
     int period_parameter; /* index of the parameter that holds the period, or -1 */
 } Group;
 
+/* A parameter that is a text. */
+typedef struct {
+    const char *name, *start;
+} Text;
+
 extern const char model_name[];
 extern const char model_guid[];
 extern const double model_tolerance;         /* relative, e.g. 1e-6 */
 extern const Variable model_variables[];     /* index = value reference, MODEL_VARIABLES of them */
 extern const int model_start_of[];           /* index of the start parameter of every state, then every discrete */
 extern const Group model_groups[];           /* MODEL_GROUPS of them */
+extern const Text model_texts[];             /* MODEL_TEXTS of them */
+extern const bool model_restorable;          /* whether a copy of the memory is all there is to an instance */
 
 /* CasADi's calling convention; `mem` is unused. */
 typedef int Law(const double **arg, double **res, long long *iw, double *w, int mem);
@@ -103,9 +112,15 @@ typedef struct Engine Engine;
 extern const bool engine_interpolates;
 extern const bool engine_differentiates;
 
-/* `memory` outlives the engine. `resources` is the resource location as the host gave it; it may be NULL. */
-Engine *engine_create(double *memory, const char *resources, Message message);
+enum { TEXT_SIZE = 512 }; /* with the terminating zero */
+typedef char TextValue[TEXT_SIZE];
+
+/* `memory` and `texts` outlive the engine. `resources` is the resource location as the host gave it, or NULL. */
+Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message);
 void engine_free(Engine *engine);
+
+/* The simulation has ended, or begins anew; for engines that hold something outside of the memory. */
+void engine_terminate(Engine *engine);
 
 /* Called at the end of initialization: parameters are in range, states and discretes at their start values. */
 bool engine_initialize(Engine *engine, Message message);
@@ -114,7 +129,8 @@ bool engine_initialize(Engine *engine, Message message);
 bool engine_evaluate(Engine *engine, double time, Message message);
 bool engine_differentiate(Engine *engine, double time, Message message);
 
-/* States and discretes from `time` to `time + step`; outputs and derivatives need not be up to date after it. */
+/* States and discretes from `time` to `time + step`; outputs and derivatives need not be up to date after it. A message
+   beside success is a warning. */
 bool engine_advance(Engine *engine, double time, double step, Message message);
 
 /* `seed` is a direction [parameters | inputs | states | discretes], `result` takes [derivatives | outputs]. */

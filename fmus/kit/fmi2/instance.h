@@ -34,6 +34,7 @@ typedef struct {
     State now;
     State before; /* the state to return to when a step fails */
     Engine *engine;
+    TextValue texts[MODEL_TEXTS + 1];
     char *name;
     fmi2CallbackFunctions host;
     bool logging;

@@ -16,6 +16,8 @@ static void reset(Instance *instance) {
         now->memory[i] = model_variables[i].start;
     now->memory[MEMORY_HINT] = INFINITY;
     now->memory[MEMORY_TOLERANCE] = model_tolerance;
+    for (int i = 0; i < MODEL_TEXTS; i++)
+        snprintf(instance->texts[i], TEXT_SIZE, "%s", model_texts[i].start);
     touch(instance, true);
 }
 
@@ -62,7 +64,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     instance->host = *host;
     instance->logging = logging != fmi2False;
     reset(instance);
-    instance->engine = engine_create(instance->now.memory, resources, message);
+    instance->engine = engine_create(instance->now.memory, (const TextValue *)instance->texts, resources, message);
     if (instance->engine == NULL) {
         report(instance, fmi2Error, "%s", message);
         fmi2FreeInstance(instance);
@@ -157,6 +159,7 @@ EXPORT fmi2Status fmi2Terminate(fmi2Component c) {
     Instance *instance = c;
     if (!allowed(instance, STEP_COMPLETE | FAILED, "fmi2Terminate"))
         return fmi2Error;
+    engine_terminate(instance->engine);
     instance->now.mode = TERMINATED;
     return fmi2OK;
 }
@@ -165,6 +168,7 @@ EXPORT fmi2Status fmi2Reset(fmi2Component c) {
     Instance *instance = c;
     if (!allowed(instance, ANY_MODE, "fmi2Reset"))
         return fmi2Error;
+    engine_terminate(instance->engine);
     reset(instance);
     return fmi2OK;
 }

@@ -13,8 +13,9 @@ static Law *const updates[] = {LAWS_UPDATES(UPDATE_ADDRESS) NULL};
 const bool engine_interpolates = true;
 const bool engine_differentiates = true;
 
-Engine *engine_create(double *memory, const char *resources, Message message) {
+Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message) {
     Engine *engine = calloc(1, sizeof *engine);
+    (void)texts;
     (void)resources;
     if (engine == NULL)
         snprintf(message, MESSAGE_SIZE, "out of memory");
@@ -24,6 +25,8 @@ Engine *engine_create(double *memory, const char *resources, Message message) {
 }
 
 void engine_free(Engine *engine) { free(engine); }
+
+void engine_terminate(Engine *engine) { (void)engine; }
 
 bool engine_initialize(Engine *engine, Message message) {
     (void)engine;

@@ -1,9 +1,10 @@
 /* The Python engine: the component's own Python class computes, on the memory of the instance.
  *
- * The package in resources/python offers create(memory), `memory` being a writable memoryview of doubles laid out as
- * in engine.h. The object it returns has initialize(), evaluate(time) for the outputs, differentiate(time) for the
- * derivatives of the states and advance(time, step), each of which returns None or the text of an error, and may have
- * close(). Whatever they raise becomes an error of the FMU.
+ * The package in resources/python offers create(memory, texts), `memory` being a writable memoryview of doubles laid
+ * out as in engine.h, `texts` one of bytes, TEXT_SIZE for each text. The object it returns has initialize(),
+ * evaluate(time) for the outputs, differentiate(time) for the derivatives of the states and advance(time, step), each
+ * of which returns None or the text of an error, warning() for what is to be said of a step that succeeded, terminate()
+ * and close(). Whatever they raise becomes an error of the FMU.
  */
 #include "python.h"
 
@@ -16,7 +17,7 @@ struct Engine {
     Python python;
     PyObject *none;
     PyObject *names; /* the dictionary the bootstrap runs in; it keeps everything below alive */
-    PyObject *initialize, *evaluate, *differentiate, *advance;
+    PyObject *initialize, *evaluate, *differentiate, *advance, *warning, *terminate;
 };
 
 const bool engine_interpolates = false;
@@ -47,20 +48,23 @@ static const char bootstrap[] =
     "                raise\n"
     "        users[name] = users.pop(name, 0) + 1\n"
     "        memory = block.cast('d')\n"
-    "        component = package.create(memory)\n"
+    "        texts = strings.cast('B')\n"
+    "        component = package.create(memory, texts)\n"
     "    finally:\n"
     "        sys.dont_write_bytecode = write_no_bytecode\n"
     "initialize, evaluate = component.initialize, component.evaluate\n"
-    "differentiate, advance = component.differentiate, component.advance\n";
+    "differentiate, advance = component.differentiate, component.advance\n"
+    "warning, terminate = component.warning, component.terminate\n";
 
 /* Hosts unzip an FMU into a new folder for every run: of the packages without instances only the last few are kept. */
 static const char farewell[] =
     "try:\n"
-    "    if 'component' in globals() and hasattr(component, 'close'):\n"
+    "    if 'component' in globals():\n"
     "        component.close()\n"
     "finally:\n"
     "    if 'memory' in globals():\n"
     "        memory.release()\n"
+    "        texts.release()\n"
     "        with shared['lock']:\n"
     "            users[name] -= 1\n"
     "            for idle in [other for other in users if users[other] == 0][:-4]:\n"
@@ -71,7 +75,7 @@ static const char farewell[] =
     "                for key in [key for key in sys.path_importer_cache if key.startswith(folder)]:\n"
     "                    del sys.path_importer_cache[key]\n";
 
-enum { FILE_INPUT = 257, WRITABLE = 0x200 }; /* Py_file_input, PyBUF_WRITE */
+enum { FILE_INPUT = 257, WRITABLE = 0x200, READABLE_ONLY = 0x100 }; /* Py_file_input, PyBUF_WRITE, PyBUF_READ */
 
 /* Copies the text of a Python string; false if it is none. */
 static bool text_of(const Python *python, PyObject *string, char *text, size_t size) {
@@ -138,7 +142,7 @@ static bool enter(const Engine *engine, const char *name, PyObject *object) {
 }
 
 /* With Python's lock held: imports the package and creates the component. */
-static bool create(Engine *engine, double *memory, const char *path, Message message) {
+static bool create(Engine *engine, double *memory, const TextValue *texts, const char *path, Message message) {
     const Python *python = &engine->python;
     PyObject *builtins = python->PyEval_GetBuiltins();
     char name[40];
@@ -151,7 +155,9 @@ static bool create(Engine *engine, double *memory, const char *path, Message mes
         !enter(engine, "name", python->PyUnicode_FromString(name)) ||
         !enter(engine, "resources", python->PyUnicode_FromString(path)) ||
         !enter(engine, "block",
-               python->PyMemoryView_FromMemory((char *)memory, MEMORY_SIZE * (ptrdiff_t)sizeof(double), WRITABLE))) {
+               python->PyMemoryView_FromMemory((char *)memory, MEMORY_SIZE * (ptrdiff_t)sizeof(double), WRITABLE)) ||
+        !enter(engine, "strings",
+               python->PyMemoryView_FromMemory((char *)texts, MODEL_TEXTS * (ptrdiff_t)sizeof *texts, READABLE_ONLY))) {
         describe_exception(python, message);
         return false;
     }
@@ -161,10 +167,12 @@ static bool create(Engine *engine, double *memory, const char *path, Message mes
     engine->evaluate = python->PyDict_GetItemString(engine->names, "evaluate");
     engine->differentiate = python->PyDict_GetItemString(engine->names, "differentiate");
     engine->advance = python->PyDict_GetItemString(engine->names, "advance");
+    engine->warning = python->PyDict_GetItemString(engine->names, "warning");
+    engine->terminate = python->PyDict_GetItemString(engine->names, "terminate");
     return true;
 }
 
-Engine *engine_create(double *memory, const char *resources, Message message) {
+Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message) {
     Engine *engine = calloc(1, sizeof *engine);
     char *path = resource_path(resources);
     bool good = false;
@@ -175,7 +183,7 @@ Engine *engine_create(double *memory, const char *resources, Message message) {
     else if (python_find(&engine->python, message)) {
         int lock = engine->python.PyGILState_Ensure();
         Message reason = "";
-        good = create(engine, memory, path, reason);
+        good = create(engine, memory, texts, path, reason);
         engine->python.PyGILState_Release(lock);
         if (!good)
             snprintf(message, MESSAGE_SIZE, "the Python part of %.100s cannot be used: %.850s", model_name, reason);
@@ -204,11 +212,25 @@ void engine_free(Engine *engine) {
     free(engine);
 }
 
+/* With Python's lock held. */
+static bool call(const Engine *engine, PyObject *method, Message message) {
+    return succeeded(engine, engine->python.PyObject_CallFunctionObjArgs(method, NULL), message);
+}
+
 bool engine_initialize(Engine *engine, Message message) {
     int lock = engine->python.PyGILState_Ensure();
-    bool good = succeeded(engine, engine->python.PyObject_CallFunctionObjArgs(engine->initialize, NULL), message);
+    bool good = call(engine, engine->initialize, message);
     engine->python.PyGILState_Release(lock);
     return good;
+}
+
+void engine_terminate(Engine *engine) {
+    if (engine->python.Py_IsInitialized()) {
+        int lock = engine->python.PyGILState_Ensure();
+        Message ignored;
+        call(engine, engine->terminate, ignored);
+        engine->python.PyGILState_Release(lock);
+    }
 }
 
 static bool call_at(const Engine *engine, PyObject *method, double time, Message message) {
@@ -235,6 +257,8 @@ bool engine_advance(Engine *engine, double time, double step, Message message) {
     int lock = python->PyGILState_Ensure();
     PyObject *t = python->PyFloat_FromDouble(time), *h = python->PyFloat_FromDouble(step);
     bool good = succeeded(engine, python->PyObject_CallFunctionObjArgs(engine->advance, t, h, NULL), message);
+    if (good && !model_restorable) /* laws alone never have anything to say */
+        call(engine, engine->warning, message);
     if (t != NULL)
         python->Py_DecRef(t);
     if (h != NULL)

@@ -39,6 +39,15 @@ static fmi2Status store(const Instance *instance, const char *function, fmi2FMUs
     return fmi2OK;
 }
 
+/* Whether the state can be saved, and `function` may be called now; reports it if not. */
+static bool possible(const Instance *instance, const char *function) {
+    if (!allowed(instance, ANY_MODE, function))
+        return false;
+    if (!model_restorable)
+        report(instance, fmi2Error, "%s is not supported by %s: not all of its state is its own", function, model_name);
+    return model_restorable;
+}
+
 static fmi2Status missing(const Instance *instance, const char *function) {
     return report(instance, fmi2Error, "%s: a pointer is NULL", function);
 }
@@ -46,7 +55,7 @@ static fmi2Status missing(const Instance *instance, const char *function) {
 EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
     Instance *instance = c;
     Snapshot snapshot;
-    if (!allowed(instance, ANY_MODE, "fmi2GetFMUstate"))
+    if (!possible(instance, "fmi2GetFMUstate"))
         return fmi2Error;
     if (state == NULL)
         return missing(instance, "fmi2GetFMUstate");
@@ -57,7 +66,7 @@ EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     Instance *instance = c;
     const Snapshot *snapshot = state;
-    if (!allowed(instance, ANY_MODE, "fmi2SetFMUstate"))
+    if (!possible(instance, "fmi2SetFMUstate"))
         return fmi2Error;
     if (state == NULL)
         return missing(instance, "fmi2SetFMUstate");
@@ -81,7 +90,7 @@ EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
 
 EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
     Instance *instance = c;
-    if (!allowed(instance, ANY_MODE, "fmi2SerializedFMUstateSize"))
+    if (!possible(instance, "fmi2SerializedFMUstateSize"))
         return fmi2Error;
     if (state == NULL || size == NULL)
         return missing(instance, "fmi2SerializedFMUstateSize");
@@ -91,7 +100,7 @@ EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state
 
 EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     Instance *instance = c;
-    if (!allowed(instance, ANY_MODE, "fmi2SerializeFMUstate"))
+    if (!possible(instance, "fmi2SerializeFMUstate"))
         return fmi2Error;
     if (state == NULL || bytes == NULL)
         return missing(instance, "fmi2SerializeFMUstate");
@@ -105,7 +114,7 @@ EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi
 EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
     Instance *instance = c;
     Snapshot snapshot, expected;
-    if (!allowed(instance, ANY_MODE, "fmi2DeSerializeFMUstate"))
+    if (!possible(instance, "fmi2DeSerializeFMUstate"))
         return fmi2Error;
     if (bytes == NULL || state == NULL)
         return missing(instance, "fmi2DeSerializeFMUstate");

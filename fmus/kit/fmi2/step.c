@@ -43,6 +43,8 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2
         report(instance, fmi2Error, "step from %.10g s to %.10g s failed: %s", time, time + step, message);
         return fail(instance);
     }
+    if (*message != '\0')
+        report(instance, fmi2Warning, "step from %.10g s to %.10g s: %s", time, time + step, message);
     instance->now.time = time + step;
     follow_slopes(instance->now.memory, step);
     touch(instance, false);

@@ -188,7 +188,7 @@ def _load(graph: Graph) -> Any:
             whole = Path(folder) / UNIT
             whole.write_bytes(unit("record.c", "native.c", "integrate.c", "model.c", "laws.c"))
             library = toolchain.compile_library(
-                [whole], [Path(folder), toolchain.fmi_headers()], target, libraries=("m",)
+                [whole], [Path(folder), toolchain.fmi_headers()], target, libraries=() if target == "win64" else ("m",)
             )
         files.write_once(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate

@@ -59,7 +59,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     groups = layout.sampled
     sizes = {
         "PARAMETERS": layout.parameters, "INPUTS": layout.inputs, "STATES": layout.states,
-        "DISCRETES": layout.discretes, "OUTPUTS": layout.outputs, "GROUPS": groups,
+        "DISCRETES": layout.discretes, "OUTPUTS": layout.outputs, "GROUPS": groups, "TEXTS": layout.texts,
     }  # fmt: skip
     header = ["#ifndef MODEL_H", "#define MODEL_H", *(f"#define MODEL_{k} {len(v)}" for k, v in sizes.items())]
     rows = []
@@ -78,6 +78,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         f"    {{0.0, {index[period]}}}," if isinstance(period, str) else f"    {{{_c_double(period)}, -1}},"
         for period, _ in groups
     ]
+    texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
     body = [
         "#include <math.h>", '#include "engine.h"', "",
         f"const char model_name[] = {_c_string(graph.name)};",
@@ -86,6 +87,8 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         "const Variable model_variables[] = {", *rows, "};",
         f"const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
         "const Group model_groups[] = {", *(periods or ["    {0.0, -1},"]), "};",
+        "const Text model_texts[] = {", *(texts or ['    {"", ""},']), "};",
+        f"const bool model_restorable = {'true' if graph.restorable else 'false'};",
     ]  # fmt: skip
     return {"model.h": "\n".join(header) + "\n", "model.c": "\n".join(body) + "\n"}
 
@@ -119,8 +122,8 @@ def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, s
     return files
 
 
-def python_sources(graph: Graph, guid: str) -> dict[str, str]:
-    """Write every generated file of the Python build; the laws stay in Python.
+def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
+    """Write every generated file of a build without laws in C: they stay in Python, or there are none.
 
     Parameters
     ----------

@@ -36,6 +36,8 @@ class Graph:
         Symbols.
     rates, outputs : casadi.SX
         Expressions in those symbols.
+    restorable : bool
+        Whether laws are all there is to it.
     updates : tuple of casadi.SX
         For each sample period, the values of *all* discrete states after its sample instant.
     """
@@ -51,6 +53,7 @@ class Graph:
     rates: ca.SX
     outputs: ca.SX
     updates: tuple[ca.SX, ...]
+    restorable: bool = True
 
     @property
     def arguments(self) -> list[ca.SX]:
@@ -200,5 +203,6 @@ def trace(cls: type[Component]) -> Graph:
     rates, outputs = column(component.rates()), column(component.outputs())
     parameters, inputs, states, discretes = symbols
     return Graph(
-        cls.name, cls.tolerance, layout, time, parameters, inputs, states, discretes, rates, outputs, tuple(updates)
-    )
+        cls.name, cls.tolerance, layout, time, parameters, inputs, states, discretes, rates, outputs, tuple(updates),
+        cls.engine is None,
+    )  # fmt: skip

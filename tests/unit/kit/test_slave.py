@@ -186,7 +186,7 @@ for i, v in enumerate((*layout.parameters, *layout.inputs)):
     memory[i] = v.start
 memory[layout.names.index("current")] = 0.9
 memory[len(layout.names):] = array("d", [float("inf"), 0.0, 1e-9, 1.0])
-slave = carried.create(memoryview(memory))
+slave = carried.create(memoryview(memory), b"")
 print(carried.MODEL.name, slave.initialize(), *(slave.advance(k * 0.5, 0.5) for k in range(10)),
       memory[layout.names.index("charge")])
 """

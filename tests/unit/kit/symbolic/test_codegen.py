@@ -40,10 +40,10 @@ def test_generated_sources_do_not_depend_on_the_hash_seed_or_the_folder(tmp_path
 
 
 def test_tables_carry_start_values_ranges_and_groups():
-    files = codegen.python_sources(trace(Thermostat), GUID)
+    files = codegen.lawless_sources(trace(Thermostat), GUID)
     sizes = dict(re.findall(r"#define MODEL_(\w+) (\d+)", files["model.h"]))
     assert sizes == {
-        "PARAMETERS": "12", "INPUTS": "2", "STATES": "2", "DISCRETES": "3", "OUTPUTS": "2", "GROUPS": "2",
+        "PARAMETERS": "12", "INPUTS": "2", "STATES": "2", "DISCRETES": "3", "OUTPUTS": "2", "GROUPS": "2", "TEXTS": "0",
     }  # fmt: skip
     body = files["model.c"]
     assert '{"stages", "1", ROLE_PARAMETER, TYPE_INTEGER, 2.0, 1.0, 5.0, 1.0},' in body
