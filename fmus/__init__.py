@@ -20,6 +20,12 @@ COMPONENTS = {
     "foot": "foot.model:Foot",
     "foot_dynamic": "foot.model:FootDynamic",
 }
+# What stands for a rig, and needs one to run.
+PROXIES = {
+    "rig_proxy": "rig_proxy.model:RigProxy",
+    "rig_proxy_length_driven": "rig_proxy.model:RigProxyLengthDriven",
+    "rig_proxy_bench": "rig_proxy.model:RigProxyBench",
+}
 
 
 def component(name: str) -> type[Component]:
@@ -30,9 +36,10 @@ def component(name: str) -> type[Component]:
     UserError
         If there is none of that name.
     """
-    if name not in COMPONENTS:
-        raise UserError(f"no component named {name!r}{suggestion(name, COMPONENTS)}")
-    module, cls = COMPONENTS[name].split(":")
+    known = COMPONENTS | PROXIES
+    if name not in known:
+        raise UserError(f"no component named {name!r}{suggestion(name, known)}")
+    module, cls = known[name].split(":")
     loaded: type[Component] = getattr(importlib.import_module(f"{__name__}.{module}"), cls)
     return loaded
 

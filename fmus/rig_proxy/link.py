@@ -1,0 +1,226 @@
+"""The client's end of the rig protocol, over ZeroMQ: connect, exchange, disconnect; every wait has a bound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import zmq
+
+from ..kit.errors import UserError
+from . import protocol
+from .credentials import read_client_keys
+
+_FAREWELL = 0.2  # s, that a disconnect waits for its answer
+_QUEUE = 16  # messages on their way, in either direction
+_MOST = 1000  # messages that are looked at in one call
+
+
+class LinkError(UserError):
+    """The rig does not answer, or does not want to; the text says which, and what to do."""
+
+
+class Link:
+    """A session with a rig's server.
+
+    Parameters
+    ----------
+    endpoint : str
+        Like ``tcp://127.0.0.1:5570``.
+    inputs, outputs : Mapping of str to str
+        Signals to command and to read, with their SI units; their order is that of all values.
+    credentials : Path, optional
+        The client's keys (``ppy rig keys``); default is no encryption.
+    client : str
+        Who this is, for the server's log.
+
+    Raises
+    ------
+    UserError
+        If the endpoint is none, or the file with the keys cannot be used.
+
+    Attributes
+    ----------
+    accepted : Mapping
+        What the server said when it accepted the session: its clock, mode, period, watchdog and limits.
+    round_trip_time : float
+        Of the newest answer, in s.
+    """
+
+    def __init__(
+        self,
+        endpoint: str,
+        inputs: Mapping[str, str],
+        outputs: Mapping[str, str],
+        credentials: Path | None = None,
+        client: str = "ppy",
+    ):
+        self.endpoint, self.inputs, self.outputs, self.client = endpoint, dict(inputs), dict(outputs), client
+        self.accepted: Mapping[str, Any] = {}
+        self.round_trip_time = 0.0
+        self._keys = None if credentials is None else read_client_keys(credentials)
+        self._sequence, self._newest, self._seen = 0, 0, 0.0
+        self._context = zmq.Context()
+        self._socket: Any = None
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def session(self) -> str:
+        """Name that the server gave the session; empty without one."""
+        return str(self.accepted.get("session", ""))
+
+    def connect(self, time: float, timeout: float) -> Mapping[str, Any]:
+        """Begin a session.
+
+        Parameters
+        ----------
+        time : float
+            Simulation time at its start, in s.
+        timeout : float
+            Longest wait, in s.
+
+        Returns
+        -------
+        Mapping of str to object
+            The message ``accepted``.
+
+        Raises
+        ------
+        LinkError
+            If nobody answers, or the server refuses.
+        """
+        self.accepted = {}
+        self._open()
+        self._send("connect", client=self.client, inputs=self.inputs, outputs=self.outputs, time=time)
+        for message in self._answers(monotonic() + timeout):
+            if message["type"] == "refused":
+                raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
+            if message["type"] == "accepted" and self._has_all(message):
+                self.accepted = message
+                self._sequence = self._newest = 0
+                self._seen = message["clock"]
+                return message
+        keys = "" if self._keys is None else ", with these keys"
+        raise LinkError(f"no answer within {timeout:g} s from {self.endpoint}{keys}; is `ppy rig serve` running?")
+
+    def exchange(self, values: Sequence[float], time: float, step: float, timeout: float) -> Mapping[str, Any] | None:
+        """Send commands, and take the answer to them.
+
+        Parameters
+        ----------
+        values : sequence of float
+            One per input, SI.
+        time, step : float
+            Simulation time, and the step that begins there, in s.
+        timeout : float
+            Longest wait for the answer, in s.
+
+        Returns
+        -------
+        Mapping of str to object or None
+            The message ``sample``; None if it did not come in time. A late one is returned by `late`.
+
+        Raises
+        ------
+        LinkError
+            If the server does not know the session any more.
+        """
+        self._sequence += 1
+        self._send(
+            "exchange", session=self.session, sequence=self._sequence, sent=monotonic(), seen=self._seen, time=time,
+            step=step, values=list(values),
+        )  # fmt: skip
+        for message in self._samples(monotonic() + timeout):
+            if message["sequence"] == self._sequence:
+                return message
+        return None
+
+    def late(self) -> Mapping[str, Any] | None:
+        """Take what has arrived without waiting, and return the newest sample among it, if any."""
+        newest = None
+        for message in self._samples(monotonic()):
+            newest = message
+        return newest
+
+    def disconnect(self) -> None:
+        """End the session in order: the rig goes to zero. Waits a moment at most."""
+        if self.session and self._socket is not None:
+            self._send("disconnect", session=self.session)
+            self.accepted = {}
+            for message in self._answers(monotonic() + _FAREWELL):
+                if message["type"] in ("disconnected", "refused"):
+                    break
+        self.accepted = {}
+
+    def close(self) -> None:
+        """Let go of the sockets; what was not sent yet is dropped."""
+        if self._socket is not None:
+            self._socket.close(linger=0)
+            self._socket = None
+        self._context.destroy(linger=0)
+
+    def _open(self) -> None:
+        """Open a new socket: nothing that was under way on an old one can reach it."""
+        if self._socket is not None:
+            self._socket.close(linger=0)
+        self._socket = socket = self._context.socket(zmq.DEALER)
+        for option in (zmq.SNDHWM, zmq.RCVHWM):
+            socket.setsockopt(option, _QUEUE)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
+        socket.setsockopt(zmq.RECONNECT_IVL, 20)
+        if self._keys is not None:
+            socket.curve_serverkey = self._keys.server_key.encode()
+            socket.curve_publickey, socket.curve_secretkey = (
+                self._keys.public_key.encode(),
+                self._keys.secret_key.encode(),
+            )
+        try:
+            socket.connect(self.endpoint)
+        except zmq.ZMQError as error:
+            raise LinkError(f"endpoint {self.endpoint!r}: {error.strerror}; it is like {protocol.ENDPOINT}") from error
+
+    def _send(self, kind: str, **fields: Any) -> None:
+        try:
+            self._socket.send(protocol.encode(kind, **fields), zmq.DONTWAIT)
+        except zmq.Again:  # the other side takes nothing: no answer will come either
+            pass
+
+    def _answers(self, until: float) -> Iterator[Mapping[str, Any]]:
+        """Give well-formed replies until a time of our clock; what has arrived already is given in any case."""
+        for _ in range(_MOST):  # a peer that floods us must not hold us
+            if not self._socket.poll(ceil(max(0.0, until - monotonic()) * 1e3)):
+                return
+            try:
+                yield protocol.decode(self._socket.recv(zmq.DONTWAIT), protocol.REPLIES)
+            except (protocol.ProtocolError, zmq.Again):
+                continue
+
+    def _samples(self, until: float) -> Iterator[Mapping[str, Any]]:
+        """Give samples of this session that are newer than all before.
+
+        Raises
+        ------
+        LinkError
+            If the server does not know the session any more.
+        """
+        for message in self._answers(until):
+            if message["type"] == "refused":
+                self.accepted = {}
+                raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
+            if message["type"] != "sample" or message["session"] != self.session or not self._has_all(message):
+                continue
+            if self._newest < message["sequence"] <= self._sequence:
+                self._newest, self._seen = message["sequence"], max(self._seen, message["clock"])
+                self.round_trip_time = monotonic() - message["sent"]
+                yield message
+
+    def _has_all(self, message: Mapping[str, Any]) -> bool:
+        return len(message["values"]) == len(message["ages"]) == len(self.outputs)

@@ -1,0 +1,58 @@
+"""The proxies that ship: their signals are those of the component, or the system, whose place they take.
+
+What a rig of one's own measures is declared in the same way, in a file of one's own::
+
+    from fmus.rig_proxy.proxy import Measured, Proxy
+    from fmus.kit import Input
+
+    class MyRig(Proxy):
+        name = "my_rig"
+        current = Input("A", doc="current into the actuator")
+        voltage = Measured("V", doc="voltage across the actuator")
+"""
+
+from __future__ import annotations
+
+from ..kit import Input
+from .proxy import Measured, Proxy
+
+
+class _Actuator(Proxy):
+    """What both causalities share."""
+
+    current = Input("A", doc="current into the actuator")
+    voltage = Measured("V", doc="voltage across the actuator")
+    electrochemical_displacement = Measured("m", nominal=1e-4, display="mm", doc="elongation due to charge")
+    mechanical_displacement = Measured("m", nominal=1e-4, display="mm", doc="elongation due to load")
+    charge = Measured("C", doc="charge on the polymer films")
+
+
+class RigProxy(_Actuator):
+    """The force-driven actuator of a real rig: what ppy_actuator computes, measured."""
+
+    name = "rig_proxy"
+
+    force = Input("N", doc="applied load, tension positive")
+    displacement = Measured("m", nominal=1e-4, display="mm", doc="total elongation")
+
+
+class RigProxyLengthDriven(_Actuator):
+    """The length-driven actuator of a real rig: what ppy_actuator_length_driven computes, measured."""
+
+    name = "rig_proxy_length_driven"
+
+    length_change = Input("m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length")
+    tension = Measured("N", doc="tension in the actuator")
+
+
+class RigProxyBench(Proxy):
+    """The whole test bench with its force loop and the actuator on it: what the system dma_bench computes, measured."""
+
+    name = "rig_proxy_bench"
+
+    force_reference = Input("N", doc="wanted force")
+    current = Input("A", doc="current into the actuator")
+    tension = Measured("N", doc="tension in the actuator")
+    voltage = Measured("V", doc="voltage across the actuator")
+    position = Measured("m", nominal=1e-3, display="mm", doc="position of the coil")
+    force_measured = Measured("N", doc="force as the computer reads it")

@@ -1,0 +1,106 @@
+"""What every rig proxy has beside its signals: how to reach the rig, how long to wait, and how well it answers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..kit import Component, Parameter, Text
+from ..kit.declare import Declaration, OutputDeclaration
+from ..kit.engine import Engine
+from ..kit.errors import UserError
+from .protocol import ENDPOINT
+
+CONNECTED, REFUSED, STALE, LOST = range(4)
+HOLD, FAIL = "hold", "fail"
+AGE = "{}_age"  # name of the output with the age of a value
+
+_ENGINE = Engine(
+    slave="fmus.rig_proxy.slave:ProxySlave",
+    needs={"zmq": "pyzmq"},
+    folder="fmus.rig_proxy.native",
+    sources=("json.c", "sockets.c", "zmtp.c", "link.c", "proxy.c"),
+    headers=("json.h", "sockets.h", "zmtp.h", "link.h"),
+    libraries={"win64": ("ws2_32",)},
+)
+
+
+def _unlawful(self: Any) -> float:
+    """Stand for a value that no law gives: it depends on no other variable."""
+    return 0.0
+
+
+def Measured(unit: str, doc: str = "", **about: Any) -> Any:
+    """Declare an output whose value is measured at the rig.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit as pint reads it, the one that the rig has.
+    doc : str
+        One sentence for the FMI ``description``.
+    **about
+        Range, nominal value, display unit: see :class:`fmus.kit.declare.Declaration`.
+    """
+    return OutputDeclaration(unit=unit, doc=doc, law=_unlawful, **about)
+
+
+class Proxy(Component):
+    """Base of proxies: a subclass with a name, inputs and measured outputs is a proxy of its own.
+
+    Every measured output ``y`` brings an output ``y_age``.
+    """
+
+    author = "the ppy-rig project"
+    license = "BSD-3-Clause"
+    experiment = (10.0, 1.0 / 30.0)
+    engine = _ENGINE
+
+    endpoint = Text(ENDPOINT, "where the rig's server listens")
+    credentials = Text("", "file with the keys of this client (ppy rig keys); empty: no encryption")
+    on_stale = Text(HOLD, "what to do when a value is older than max_age: hold (and say so in link_state) or fail")
+    communication_timeout = Parameter(
+        1.0, "s", min=1e-3, max=60.0, doc="longest that any call waits for the rig; silence beyond it means a lost link"
+    )
+    max_age = Parameter(0.5, "s", min=1e-3, max=3600.0, doc="age beyond which a value is stale")
+    deadline = Parameter(
+        0.1, "s", min=1e-4, max=60.0, nominal=0.1, doc="time after which an answer that a step needs counts as missed"
+    )
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        measured = [v for v in vars(cls).values() if isinstance(v, OutputDeclaration)]
+        for value in measured:
+            setattr(cls, AGE.format(value.name), _age_of(value))
+        for name, declaration in _link().items():
+            setattr(cls, name, declaration)
+        super().__init_subclass__(**options)
+        if cls.name and not measured:
+            raise UserError(f"{cls.__module__}.{cls.__qualname__}: a proxy needs a measured output at least")
+
+
+def _age_of(value: Declaration) -> Any:
+    return _named(
+        OutputDeclaration(unit="s", doc=f"age of {value.name}", law=_unlawful, min=0.0, nominal=0.1),
+        AGE.format(value.name),
+    )
+
+
+def _link() -> dict[str, Any]:
+    """Outputs about the link, behind those of the rig."""
+    outputs = {
+        "round_trip_time": OutputDeclaration(
+            unit="s", doc="from the sending of a command to its answer", law=_unlawful, min=0.0, nominal=1e-3
+        ),
+        "missed_deadlines": OutputDeclaration(
+            unit="1", doc="steps whose values did not come in time", law=_unlawful, min=0.0, type="integer"
+        ),
+        "link_state": OutputDeclaration(
+            unit="1", doc="0 connected, 1 commands refused, 2 stale, 3 lost", law=_unlawful, min=0.0, max=3.0,
+            type="integer",
+        ),
+    }  # fmt: skip
+    return {name: _named(output, name) for name, output in outputs.items()}
+
+
+def _named(declaration: Any, name: str) -> Any:
+    declaration.name = name
+    return declaration
