@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from math import ceil
 from pathlib import Path
 from time import monotonic
@@ -178,20 +179,16 @@ class Link:
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
         if self._keys is not None:
             socket.curve_serverkey = self._keys.server_key.encode()
-            socket.curve_publickey, socket.curve_secretkey = (
-                self._keys.public_key.encode(),
-                self._keys.secret_key.encode(),
-            )
+            socket.curve_publickey = self._keys.public_key.encode()
+            socket.curve_secretkey = self._keys.secret_key.encode()
         try:
             socket.connect(self.endpoint)
         except zmq.ZMQError as error:
             raise LinkError(f"endpoint {self.endpoint!r}: {error.strerror}; it is like {protocol.ENDPOINT}") from error
 
     def _send(self, kind: str, **fields: Any) -> None:
-        try:
+        with suppress(zmq.Again):  # the other side takes nothing: no answer will come either
             self._socket.send(protocol.encode(kind, **fields), zmq.DONTWAIT)
-        except zmq.Again:  # the other side takes nothing: no answer will come either
-            pass
 
     def _answers(self, until: float) -> Iterator[Mapping[str, Any]]:
         """Give well-formed replies until a time of our clock; what has arrived already is given in any case."""

@@ -70,7 +70,7 @@ class Proxy(Component):
         measured = [v for v in vars(cls).values() if isinstance(v, OutputDeclaration)]
         for value in measured:
             setattr(cls, AGE.format(value.name), _age_of(value))
-        for name, declaration in _link().items():
+        for name, declaration in _link().items() if cls.name else ():
             setattr(cls, name, declaration)
         super().__init_subclass__(**options)
         if cls.name and not measured:

@@ -100,10 +100,9 @@ class ProxySlave:
             self._warning = None
             if self._link is None:
                 raise UserError("there is no link to the rig")
-            if step > self._value("communication_timeout"):
-                raise UserError(
-                    f"a step of {step:g} s is longer than communication_timeout, {self._value('communication_timeout'):g} s"
-                )
+            timeout = self._value("communication_timeout")
+            if step > timeout:
+                raise UserError(f"a step of {step:g} s is longer than communication_timeout, {timeout:g} s")
             answered = self._link.session != "" or self._again(time)
             state = self._make(time, step) if answered else LOST
             self._look(state)
