@@ -26,6 +26,7 @@ PROXIES = {
     "rig_proxy_length_driven": "rig_proxy.model:RigProxyLengthDriven",
     "rig_proxy_bench": "rig_proxy.model:RigProxyBench",
 }
+MODELS = COMPONENTS | PROXIES
 
 
 def component(name: str) -> type[Component]:
@@ -36,10 +37,9 @@ def component(name: str) -> type[Component]:
     UserError
         If there is none of that name.
     """
-    known = COMPONENTS | PROXIES
-    if name not in known:
-        raise UserError(f"no component named {name!r}{suggestion(name, known)}")
-    module, cls = known[name].split(":")
+    if name not in MODELS:
+        raise UserError(f"no component named {name!r}{suggestion(name, MODELS)}")
+    module, cls = MODELS[name].split(":")
     loaded: type[Component] = getattr(importlib.import_module(f"{__name__}.{module}"), cls)
     return loaded
 

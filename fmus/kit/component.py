@@ -196,10 +196,12 @@ def stack(
     Raises
     ------
     UserError
-        If two effects have the same id and output, two classes declare a variable of the same name, or there is no
+        If the base has no laws, two effects have the same id and output, two classes declare a variable of the same name, or there is no
         such output, or a default is of no parameter or out of its range.
     """
     prefix, remark = base.name, base.remark
+    if effects and base.engine is not None:
+        raise UserError(f"{prefix} has no laws that an effect could change: it stands for something outside")
     name = name or _joined([prefix, *map(_label, effects)])
     values = {**vars(base).get("stacked_with", {}), **(defaults or {})}
     base, earlier = vars(base).get("stacked", (base, ()))

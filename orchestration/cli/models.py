@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 def model_file(name: str) -> Path | None:
     """File that a model is read from; None for a component of ours."""
-    from fmus import COMPONENTS
+    from fmus import MODELS
     from orchestration.fmu.model import names_class
 
-    if name in COMPONENTS:
+    if name in MODELS:
         return None
     return Path(name.rpartition(":")[0]) if names_class(name) else Path(name)
 
@@ -31,11 +31,11 @@ def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) 
     UserError
         If there is none, or it cannot be built.
     """
-    from fmus import COMPONENTS
+    from fmus import MODELS
     from orchestration.fmu.model import find_model, names_class
 
     with progress() as tell:
-        if effects or name in COMPONENTS or names_class(name):
+        if effects or name in MODELS or names_class(name):
             over = f" with {', '.join(effects)}" if effects else ""
             tell(f"building {name}{over} ({runtime}) unless it is there")
         model = find_model(name, runtime, effects)

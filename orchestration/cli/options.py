@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fmus import COMPONENTS
+from fmus import MODELS
 
 
 def option(*names: str, help: str, metavar: str | None = None, **more: Any) -> Any:
@@ -36,7 +36,7 @@ def seconds(text: str) -> float:
 
 def complete_components(incomplete: str) -> list[str]:
     """Names of components."""
-    return [name for name in COMPONENTS if name.startswith(incomplete)]
+    return [name for name in MODELS if name.startswith(incomplete)]
 
 
 def complete_systems(incomplete: str) -> list[str]:
@@ -60,7 +60,7 @@ def complete_effects(context: typer.Context, incomplete: str) -> list[str]:
 
     # while an option lacks its value, what was named before is among the arguments that are not sorted out yet
     words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
-    name = next((word for word in words if word in COMPONENTS), None)
+    name = next((word for word in words if word in MODELS), None)
     if name is None and context.command.name == "diagnose" and "--model" not in words:
         name = DEFAULT_MODEL
     if name is None:

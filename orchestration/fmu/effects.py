@@ -27,11 +27,11 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     UserError
         If the list is none.
     """
-    from fmus import COMPONENTS, component, effects
+    from fmus import MODELS, component, effects
     from fmus.kit import Effect
 
     base = vars(cls).get("stacked", (cls, ()))[0]
-    if base.name in COMPONENTS and component(base.name) is base:
+    if base.name in MODELS and component(base.name) is base:
         return effects(base.name)
     module = sys.modules[base.__module__]
     listed = getattr(module, "EFFECTS", {})
@@ -44,6 +44,8 @@ def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
     """Every effect that can be laid over a component, by name: its own by id, measurements as ``id(output)``."""
     from fmus.kit.sensors import measurement_effects
 
+    if cls.engine is not None:
+        return {}
     return {effect_name(effect): effect for effect in (*catalogue(cls).values(), *measurement_effects(cls))}
 
 

@@ -116,10 +116,10 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     UserError
         If there is no such component, class, effect or file, or the FMU's equations are not known.
     """
-    from fmus import COMPONENTS, component
+    from fmus import MODELS, component
     from fmus.kit import stack
 
-    if name_or_path in COMPONENTS:
+    if name_or_path in MODELS:
         cls = component(name_or_path)
     elif names_class(name_or_path):
         cls = load_class(name_or_path)
@@ -158,9 +158,9 @@ def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str
     >>> model.parameters["R1"].unit
     'ohm'
     """
-    from fmus import COMPONENTS
+    from fmus import MODELS
 
-    if not effects and name_or_path not in COMPONENTS and not names_class(name_or_path):
+    if not effects and name_or_path not in MODELS and not names_class(name_or_path):
         return _from_fmu(name_or_path)
     model = model_of(find_class(name_or_path, effects), runtime)
     return replace(model, name=name_or_path, effects=tuple(effects))
@@ -175,13 +175,13 @@ def model_of(cls: type[Component], runtime: str = "native") -> Model:
 
 def _from_fmu(name: str) -> Model:
     """Read an FMU file, with its class where it tells what it was made from and that is still there."""
-    from fmus import COMPONENTS
+    from fmus import MODELS
 
     path = Path(name)
     if not path.exists() and path.suffix != ".fmu":
-        hint = suggestion(name, COMPONENTS, few=0)
+        hint = suggestion(name, MODELS, few=0)
         raise UserError(
-            f"no component named {name!r}{hint}; there are: {', '.join(COMPONENTS)}; or name file.py:Class or an .fmu"
+            f"no component named {name!r}{hint}; there are: {', '.join(MODELS)}; or name file.py:Class or an .fmu"
         )
     model = _read(path)
     identifier, made_from = read_provenance(path)

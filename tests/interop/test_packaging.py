@@ -11,16 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from fmus import COMPONENTS
+from fmus import MODELS
 
 ROOT = Path(__file__).parents[2]
 PLAN = """
 import sys
-from fmus import COMPONENTS, component
+from fmus import MODELS, component
 from fmus.kit.build import RUNTIMES, plan
 from fmus.kit import build
 assert build.__file__.startswith(sys.argv[1]), build.__file__
-for name in COMPONENTS:
+for name in MODELS:
     for runtime in RUNTIMES:
         print(name, runtime, len(plan(component(name), runtime).files))
 """
@@ -47,14 +47,14 @@ def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> Non
         env=os.environ | {"PYTHONPATH": str(unpacked)}, cwd=tmp_path, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 2 * len(COMPONENTS)
+    assert len(done.stdout.splitlines()) == 2 * len(MODELS)
 
 
 def test_the_import_rules_name_every_component() -> None:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
-    packages = {f"fmus.{place.split('.')[0]}" for place in COMPONENTS.values()}
+    packages = {f"fmus.{place.split('.')[0]}" for place in MODELS.values()}
     for contract in contracts:
         for key in ("modules", "forbidden_modules"):
             if any(module in packages for module in contract.get(key, [])):

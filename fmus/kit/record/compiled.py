@@ -66,6 +66,8 @@ class CompiledModel:
 
     def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
         base = model if isinstance(model, Graph) else trace(model)
+        if not base.restorable:
+            raise UserError(f"{base.name} has no equations: it stands for something outside; simulate or run it")
         self.layout = base.layout
         self.names = list(sensitivities)
         self._graph = with_sensitivities(base, self.names)

@@ -32,7 +32,7 @@ def build(
 
     With --set, NAME ends in _set and the values are the FMU's defaults.
     """
-    from fmus import COMPONENTS
+    from fmus import MODELS
     from fmus.kit import build as kit
     from fmus.kit import files, stack
     from orchestration.cli.models import model_file
@@ -44,7 +44,7 @@ def build(
     if (effects or settings) and not names:
         raise UserError("--with and --set are about one model; name it")
     classes = []
-    for name in names or COMPONENTS:
+    for name in names or MODELS:
         cls = find_class(name, comma_list(effects))
         known = {p.name: declared_signal(p) for p in cls.layout.parameters}
         if values := read_settings(name, settings or [], known):

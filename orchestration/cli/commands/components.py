@@ -13,11 +13,11 @@ from orchestration.cli.outputs import JSON, STANDARD_OUTPUT, Outputs, standard_o
 
 def list_components(result: Json = None) -> None:
     """List the components."""
-    from fmus import COMPONENTS, component
+    from fmus import MODELS, component
 
     Outputs(writes={"--json": result}, endings={"--json": JSON}).check()
-    summaries = {name: (component(name).__doc__ or "").strip().split("\n")[0].rstrip(".") for name in COMPONENTS}
-    width = max(map(len, COMPONENTS))
+    summaries = {name: (component(name).__doc__ or "").strip().split("\n")[0].rstrip(".") for name in MODELS}
+    width = max(map(len, MODELS))
     for name, summary in summaries.items():
         if result != STANDARD_OUTPUT:
             print(f"{name:{width}}  {summary}")

@@ -41,12 +41,12 @@ class _Facts(NamedTuple):
 
 
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
-    from fmus import COMPONENTS
+    from fmus import MODELS
     from orchestration.fmu.archive import read_description
     from orchestration.fmu.model import find_class, find_model, names_class
     from orchestration.reporting.console import note
 
-    if effects or name in COMPONENTS or names_class(name):
+    if effects or name in MODELS or names_class(name):
         return _of_class(name, find_class(name, effects))
     model = find_model(name)
     for text in model.notes:
