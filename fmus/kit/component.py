@@ -196,8 +196,8 @@ def stack(
     Raises
     ------
     UserError
-        If the base has no laws, two effects have the same id and output, two classes declare a variable of the same name, or there is no
-        such output, or a default is of no parameter or out of its range.
+        If the base has no laws, two effects have the same id and output, two classes declare a variable of the same
+        name, or there is no such output, or a default is of no parameter or out of its range.
     """
     prefix, remark = base.name, base.remark
     if effects and base.engine is not None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration, ParameterDeclaration
+from fmus.kit.declare import Declaration, ParameterDeclaration, TextDeclaration
 from fmus.kit.units import allowed, shown
 
 STYLE = """
@@ -43,7 +43,7 @@ def page(cls: type[Component], readme: Path) -> str:
     sections = {
         "Inputs": layout.inputs,
         "Outputs": layout.measurable,
-        "Parameters": layout.parameters,
+        "Parameters": (*layout.parameters, *layout.texts),
         "States": (*layout.states, *layout.discretes),
     }
     tables = "".join(_table(title, rows) for title, rows in sections.items() if rows)
@@ -56,15 +56,19 @@ def page(cls: type[Component], readme: Path) -> str:
     )
 
 
+def _range(variable: Declaration) -> str:
+    return "" if isinstance(variable, TextDeclaration) else allowed(variable)
+
+
 def _table(title: str, variables: Iterable[Declaration]) -> str:
     rows = []
     for v in variables:
-        default = shown(v.start, v) if isinstance(v, ParameterDeclaration) else ""
+        default = shown(v.start, v) if isinstance(v, ParameterDeclaration) else getattr(v, "start", "")
         unit = v.unit if v.unit != "1" else ""
         text = html.escape(v.doc + (f" ({v.source})" if v.source else ""))
         cells = f"<td><code>{v.name}</code></td><td>{html.escape(unit)}</td>"
         if title == "Parameters":
-            cells += f'<td class="number">{html.escape(default)}</td><td>{html.escape(allowed(v))}</td>'
+            cells += f'<td class="number">{html.escape(str(default))}</td><td>{html.escape(_range(v))}</td>'
         rows.append(f"<tr>{cells}<td>{text}</td></tr>")
     extra = "<th>default</th><th>allowed</th>" if title == "Parameters" else ""
     head = f"<tr><th>name</th><th>unit</th>{extra}<th>meaning</th></tr>"
