@@ -234,6 +234,7 @@ class ProxySlave:
         except LinkError as error:
             self._warning = str(error)
             return False
+        self._begin = monotonic() - (time - self._start)  # nobody shall race to make up for the time without a link
         return True
 
     def _drop(self) -> None:
