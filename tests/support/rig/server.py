@@ -1,0 +1,240 @@
+"""A small rig server of its own, written from ``docs/reference/protocol.md``, whose faults a test chooses.
+
+It shares with the project nothing but the key file. In a thread (:class:`SmallRig`), or as a process that can be killed:
+``python -m tests.support.rig.server PORT [KEYS]``.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+import threading
+import time
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import zmq
+from zmq.auth.thread import ThreadAuthenticator
+
+INPUTS, OUTPUTS = {"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m"}
+LIMITS = {
+    "current": {"min": -1.3, "max": 1.3, "rate": None},
+    "force": {"min": 0.0, "max": 3.0, "rate": None},
+    "voltage": {"min": -1.0, "max": 1.0, "rate": None},
+}
+
+
+def gains(inputs: Mapping[str, float], now: float) -> dict[str, float]:
+    """Outputs that follow at once: whoever pairs an input with the output of another moment is found out."""
+    return {"voltage": 0.6 * inputs["current"], "displacement": 1e-4 * inputs["force"] - 2e-5 * inputs["current"]}
+
+
+def free_port() -> int:
+    """A port that is free, and so is the one above it."""
+    for _ in range(100):
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port = first.getsockname()[1]
+            try:
+                second.bind(("127.0.0.1", port + 1))
+            except (OSError, OverflowError):
+                continue
+            return int(port)
+    raise RuntimeError("no two free ports")
+
+
+class SmallRig:
+    """A rig server in a thread.
+
+    `heard` is every request, `applied` every pair of a clock and the inputs that were applied from then on. A test may
+    set `answers`, `publishes`, `measures` to False, or change `state`, `reason`, `client`, `period`, at any time.
+    """
+
+    def __init__(
+        self,
+        port: int | None = None,
+        plant: Callable[[Mapping[str, float], float], Mapping[str, float]] = gains,
+        inputs: Mapping[str, str] = INPUTS,
+        outputs: Mapping[str, str] = OUTPUTS,
+        limits: Mapping[str, Any] = LIMITS,
+        period: float = 0.02,
+        watchdog: float = 1.0,
+        keys: Path | None = None,
+        mode: str = "real-time",
+    ):
+        self.port = free_port() if port is None else port
+        self.endpoint = f"tcp://127.0.0.1:{self.port}"
+        self.plant, self.inputs, self.outputs, self.limits = plant, inputs, outputs, limits
+        self.period, self.watchdog, self.keys, self.mode = period, watchdog, keys, mode
+        self.state, self.reason, self.client, self.session = "idle", "", "", ""
+        self.answers = self.publishes = self.measures = True
+        self.heard: list[dict[str, Any]] = []
+        self.applied: list[tuple[float, dict[str, float]]] = []
+        self._commands = dict.fromkeys(inputs, 0.0)
+        self._order: tuple[list[str], list[str]] = ([], [])
+        self._values: dict[str, float | None] = dict.fromkeys(outputs)
+        self._measured, self._fresh, self._last = 0.0, 0.0, 0
+        self._ends, self._ready = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> SmallRig:
+        self._thread.start()
+        assert self._ready.wait(10.0), "the small rig did not come up"
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ends.set()
+        self._thread.join(10.0)
+        assert not self._thread.is_alive()
+
+    def of_type(self, kind: str) -> list[dict[str, Any]]:
+        """Requests of a type."""
+        return [message for message in list(self.heard) if message["type"] == kind]
+
+    def safe(self, reason: str) -> None:
+        """Go to the safe state."""
+        self.state, self.reason = "safe", reason
+        self._commands = dict.fromkeys(self.inputs, 0.0)
+
+    # --- what runs in the thread -------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        context, authenticator = zmq.Context(), None
+        router, publisher = context.socket(zmq.ROUTER), context.socket(zmq.PUB)
+        if self.keys is not None:
+            table = tomllib.loads(self.keys.read_text())
+            authenticator = ThreadAuthenticator(context)
+            authenticator.start()
+            authenticator.configure_curve_callback("*", _Allowed(table["clients"]))
+            for each in (router, publisher):
+                each.curve_server = True
+                each.curve_publickey = table["public_key"].encode()
+                each.curve_secretkey = table["secret_key"].encode()
+        for each, port in ((router, self.port), (publisher, self.port + 1)):
+            each.linger = 0
+            each.bind(f"tcp://127.0.0.1:{port}")
+        self._ready.set()
+        following = time.monotonic()
+        while not self._ends.is_set():
+            now = time.monotonic()
+            if now >= following:
+                following = max(following + self.period, now)
+                self._sample(publisher, now)
+            if router.poll(max(0.0, min(20.0, 1000.0 * (following - now)))):
+                self._answer(router, router.recv_multipart())
+        if authenticator is not None:
+            authenticator.stop()
+        context.destroy(linger=0)
+
+    def _sample(self, publisher: Any, now: float) -> None:
+        if self.state == "running" and now - self._fresh > self.watchdog and self.mode == "real-time":
+            self.safe(f"no command for {self.watchdog:g} s")
+        if not self.applied or self.applied[-1][1] != self._commands:
+            self.applied.append((now, dict(self._commands)))
+        if self.measures:
+            self._values, self._measured = dict(self.plant(self._commands, now)), now
+        if self.publishes:
+            self._publish(publisher, now)
+
+    def _publish(self, publisher: Any, now: float) -> None:
+        message = {
+            "ppy": 1, "type": "telemetry", "clock": now, "state": self.state, "reason": self.reason,
+            "client": self.client, "inputs": self._commands, "outputs": self._values,
+            "ages": {name: now - self._measured for name in self.outputs}, "command_age": now - self._fresh,
+            "refused": [],
+        }  # fmt: skip
+        publisher.send(json.dumps(message).encode())
+
+    def _answer(self, router: Any, frames: list[bytes]) -> None:
+        message = json.loads(frames[-1])
+        self.heard.append(message)
+        reply = getattr(self, f"_{message['type']}")(message)
+        if self.answers and reply is not None:
+            router.send_multipart([frames[0], json.dumps({"ppy": 1, **reply}).encode()])
+
+    def _about(self) -> dict[str, Any]:
+        return {"mode": self.mode, "period": self.period, "watchdog": self.watchdog, "limits": self.limits}
+
+    def _newest(self, now: float) -> dict[str, Any]:
+        names = self._order[1]
+        age = [None if self._values[name] is None else now - self._measured for name in names]
+        return {"clock": now, "values": [self._values[name] for name in names], "ages": age}
+
+    def _connect(self, message: dict[str, Any]) -> dict[str, Any]:
+        wanted = (message["inputs"], message["outputs"])
+        if self.state != "idle":
+            return {"type": "refused", "reason": f"the rig is {self.state}: {self.reason}"}
+        if wanted[0] != dict(self.inputs) or any(self.outputs.get(n) != u for n, u in wanted[1].items()):
+            return {"type": "refused", "reason": "other signals or units"}
+        self._order = (list(wanted[0]), list(wanted[1]))
+        now = self._fresh = time.monotonic()
+        self.state, self.client, self.session, self._last = "running", message["client"], f"{now:.6f}", 0
+        return {"type": "accepted", "session": self.session, **self._about(), **self._newest(now)}
+
+    def _exchange(self, message: dict[str, Any]) -> dict[str, Any] | None:
+        if message["session"] != self.session:
+            return {"type": "refused", "reason": "no such session"}
+        if message["sequence"] <= self._last:
+            return None
+        now, self._last, refused = time.monotonic(), message["sequence"], []
+        if self.state == "running":
+            self._fresh = now
+            for name, value in zip(self._order[0], message["values"], strict=True):
+                limit = self.limits.get(name, {"min": None, "max": None})
+                if (limit["min"] is not None and value < limit["min"]) or (
+                    limit["max"] is not None and value > limit["max"]
+                ):
+                    refused.append(f"{name} = {value:g} is beyond its limit")
+                else:
+                    self._commands = {**self._commands, name: value}
+        return {
+            "type": "sample", "session": self.session, "sequence": self._last, "sent": message["sent"],
+            "state": self.state, "reason": self.reason, "refused": refused, **self._newest(now),
+        }  # fmt: skip
+
+    def _disconnect(self, message: dict[str, Any]) -> dict[str, Any]:
+        if message["session"] == self.session:
+            self.session, self.client = "", ""
+            self.state = "idle" if self.state == "running" else self.state
+            self._commands = dict.fromkeys(self.inputs, 0.0)
+        return {"type": "disconnected"}
+
+    def _stop(self, message: dict[str, Any]) -> dict[str, Any]:
+        self.safe(message["reason"])
+        return self._status(message)
+
+    def _acknowledge(self, message: dict[str, Any]) -> dict[str, Any]:
+        self.state, self.reason, self.session, self.client = "idle", "", "", ""
+        return self._status(message)
+
+    def _status(self, message: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "type": "status", "state": self.state, "reason": self.reason, "clock": time.monotonic(),
+            "client": self.client, "inputs": self.inputs, "outputs": self.outputs, **self._about(),
+            "counts": {"malformed": 0, "late": 0, "repeated": 0},
+        }  # fmt: skip
+
+
+class _Allowed:
+    def __init__(self, clients: list[str]):
+        self._clients = {text.encode() for text in clients}
+
+    def callback(self, domain: str, key: bytes) -> bool:
+        from zmq.utils import z85
+
+        return z85.encode(key) in self._clients
+
+
+def main() -> None:
+    """Serve until killed; says ``ready`` when the sockets are there."""
+    keys = Path(sys.argv[2]) if len(sys.argv) > 2 else None
+    with SmallRig(int(sys.argv[1]), keys=keys):
+        print("ready", flush=True)
+        threading.Event().wait()
+
+
+if __name__ == "__main__":
+    main()
