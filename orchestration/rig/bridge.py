@@ -96,7 +96,11 @@ class Bridge:
             self._poller = zmq.Poller()
             for socket in (self._requests, self._source):
                 self._poller.register(socket, zmq.POLLIN)
-            self._close = opened.pop_all().close
+            opened.pop_all()
+
+    def close(self) -> None:
+        """Let go of both sides; what is under way is dropped."""
+        self._context.destroy(linger=0)
 
     def run(self) -> None:
         """Carry until an exception, such as KeyboardInterrupt, ends it; then everything is closed."""
@@ -105,7 +109,7 @@ class Bridge:
                 wait = _SOON if any(client.waits for client in self._clients.values()) else _TURN
                 self._turn({socket for socket, _ in self._poller.poll(round(1000 * wait))})
         finally:
-            self._close()
+            self.close()
 
     def _turn(self, ready: set[object]) -> None:
         now = monotonic()

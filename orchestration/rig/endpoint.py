@@ -42,6 +42,8 @@ class Endpoint:
             One of the two.
         """
         bounded(socket)
+        socket.ipv6 = True
+        socket.reconnect_ivl, socket.reconnect_ivl_max = 100, 500  # ms
         socket.heartbeat_ivl, socket.heartbeat_timeout = _HEARTBEAT, 3 * _HEARTBEAT
         if self.keys is not None:
             socket.curve_serverkey = self.keys.server_key.encode()
@@ -55,8 +57,6 @@ def bounded(socket: Any) -> None:
     socket.linger = 0
     socket.sndhwm = socket.rcvhwm = _LONGEST_QUEUE
     socket.maxmsgsize = MAX_FRAME
-    socket.ipv6 = True
-    socket.reconnect_ivl, socket.reconnect_ivl_max = 100, 500  # ms
 
 
 def endpoint(text: str, credentials: Path | None = None, warn: Callable[[str], None] = lambda line: None) -> Endpoint:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+import struct
 from pathlib import Path
 
 import pytest
@@ -93,7 +94,7 @@ def test_half_a_pair_is_not_made_whole(tmp_path, present):
 
 
 def test_two_at_once_do_not_lose_a_client(tmp_path):
-    server, _ = make_keys(tmp_path)
+    make_keys(tmp_path)
     (tmp_path / "rig-server.toml.part").write_text("")  # another one is at work
     before = contents(tmp_path)
     with pytest.raises(UserError, match=r"rig-server\.toml\.part"):
@@ -168,10 +169,7 @@ def test_whatever_is_z85_is_a_key(key):
 def test_what_is_not_is_refused(text):
     try:
         is_key = len(text) == 40 and len(z85.decode(text.encode())) == 32
-    except (ValueError, KeyError):
-        is_key = False
-    except Exception as error:  # what packs the bytes has an error of its own for what is above 2**32
-        assert "format requires" in str(error) or "out of range" in str(error)
+    except (ValueError, KeyError, struct.error):
         is_key = False
     if is_key:
         assert checked(text, "here") == text
