@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import typer
 
+from orchestration.cli.rig import bridge, keys
+
 rig = typer.Typer(
     name="rig",
     add_completion=False,
     rich_markup_mode="rich",
     help="The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.",
 )
+rig.command("bridge")(bridge.bridge)
+rig.command("keys")(keys.keys)

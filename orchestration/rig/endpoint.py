@@ -1,0 +1,87 @@
+"""Where a rig's server is: its two addresses, and the keys that a socket needs to get in."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmus.kit.errors import UserError
+from fmus.rig_proxy.credentials import ClientKeys, read_client_keys
+from fmus.rig_proxy.protocol import MAX_FRAME
+
+_FORM = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.-]+):(?P<port>\d{1,5})")
+_LONGEST_QUEUE = 16  # messages: what a socket may hold for a peer that does not take them
+_HEARTBEAT = 500  # ms; a peer that is silent for three of them is taken for dead, and connected to anew
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A rig's server as a client finds it.
+
+    Attributes
+    ----------
+    requests, telemetry : str
+        ZeroMQ addresses of the server's ROUTER and its PUB, which is one port higher.
+    keys : ClientKeys or None
+    """
+
+    requests: str
+    telemetry: str
+    keys: ClientKeys | None = None
+
+    def connect(self, socket: Any, address: str) -> None:
+        """Connect a ZeroMQ socket, with keys if there are any, and with bounded queues.
+
+        Parameters
+        ----------
+        socket : zmq.Socket
+        address : str
+            One of the two.
+        """
+        bounded(socket)
+        socket.ipv6 = True
+        socket.reconnect_ivl, socket.reconnect_ivl_max = 100, 500  # ms
+        socket.heartbeat_ivl, socket.heartbeat_timeout = _HEARTBEAT, 3 * _HEARTBEAT
+        if self.keys is not None:
+            socket.curve_serverkey = self.keys.server_key.encode()
+            socket.curve_publickey = self.keys.public_key.encode()
+            socket.curve_secretkey = self.keys.secret_key.encode()
+        socket.connect(address)
+
+
+def bounded(socket: Any) -> None:
+    """Let a ZeroMQ socket never wait when it is closed, hold few messages, and take none beyond the protocol's size."""
+    socket.linger = 0
+    socket.sndhwm = socket.rcvhwm = _LONGEST_QUEUE
+    socket.maxmsgsize = MAX_FRAME
+
+
+def endpoint(text: str, credentials: Path | None = None, warn: Callable[[str], None] = lambda line: None) -> Endpoint:
+    """Read where a rig's server is.
+
+    Parameters
+    ----------
+    text : str
+        Like ``tcp://127.0.0.1:5570``.
+    credentials : Path, optional
+        Key file of a client.
+    warn : callable
+        Called with a line if others can read the key file.
+
+    Returns
+    -------
+    Endpoint
+
+    Raises
+    ------
+    UserError
+        If the text is no endpoint, or the key file is none.
+    """
+    match = _FORM.fullmatch(text)
+    if match is None or not 1 <= int(match["port"]) <= 65534:
+        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT, with a port from 1 to 65534")
+    keys = None if credentials is None else read_client_keys(credentials, warn)
+    return Endpoint(text, f"tcp://{match['host']}:{int(match['port']) + 1}", keys)

@@ -1,0 +1,197 @@
+"""CURVE keys of a rig: one file for its server, with the public keys of all who may connect, and one for each client.
+
+The file of a client holds the server's public key as well, so that it is all that a client needs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmus.kit.errors import UserError
+from fmus.rig_proxy.credentials import ClientKeys, checked, key, read_client_keys, read_table
+
+__all__ = ["ClientKeys", "ServerKeys", "add_client", "make_keys", "read_client_keys", "read_server_keys"]
+SERVER_FILE, CLIENT_FILE = "rig-server.toml", "rig-client.toml"
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
+_CLIENT_LINE = re.compile(r'^\s*"(?P<key>[^"]+)",\s*#\s*(?P<name>.+?)\s*$', re.M)
+
+
+@dataclass(frozen=True)
+class ServerKeys:
+    """What a server needs to let in those it knows, and nobody else; each key is Z85.
+
+    Attributes
+    ----------
+    public_key, secret_key : str
+        Its own.
+    clients : tuple of str
+        Public keys of the clients that may connect.
+    """
+
+    public_key: str
+    secret_key: str
+    clients: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"ServerKeys(public_key={self.public_key!r}, clients={self.clients!r})"
+
+
+def read_server_keys(path: Path, warn: Callable[[str], None] = lambda text: None) -> ServerKeys:
+    """Read a server's key file, as ``ppy rig keys`` writes it.
+
+    Parameters
+    ----------
+    path : Path
+    warn : callable
+        Called with a line if the file can be read by others than its owner.
+
+    Returns
+    -------
+    ServerKeys
+
+    Raises
+    ------
+    UserError
+        If there is no such file, it is no TOML, or a key is missing or no key: one line, which shows no secret.
+    """
+    table = read_table(path, warn)
+    if "server_key" in table:
+        raise UserError(f"{path}: this is the key file of a client; a server has public_key, secret_key and clients")
+    clients = table.get("clients")
+    if not isinstance(clients, list):
+        raise UserError(f"{path}: clients must be a list of the public keys that may connect")
+    allowed = tuple(checked(text, f"{path}: clients[{k}]") for k, text in enumerate(clients))
+    return ServerKeys(key(table, "public_key", path), key(table, "secret_key", path), allowed)
+
+
+def make_keys(folder: Path) -> tuple[Path, Path]:
+    """Make a key pair for a server and one for a first client.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the two files go; made if it is not there.
+
+    Returns
+    -------
+    tuple of Path
+        The server's file and the client's; only their owner can read them.
+
+    Raises
+    ------
+    UserError
+        If one of them is there already or cannot be written; then none is left behind.
+    """
+    public, secret = _pair()
+    server, client = folder / SERVER_FILE, folder / CLIENT_FILE
+    for path in (server, client):
+        if path.exists():
+            raise UserError(f"{path}: there are keys already; they are not overwritten (--client NAME adds a client)")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"cannot make {folder}: {error.strerror}") from error
+    allowed = _write_client(client, public)
+    try:
+        _write_new(server, _server_text(ServerKeys(public, secret, (allowed,)), {allowed: "first client"}))
+    except UserError:
+        client.unlink(missing_ok=True)
+        raise
+    return server, client
+
+
+def add_client(folder: Path, name: str) -> Path:
+    """Make a key pair for one more client, and let the server know it.
+
+    Parameters
+    ----------
+    folder : Path
+        With the server's file.
+    name : str
+        Of the client; of letters, digits, ``-`` and ``_``.
+
+    Returns
+    -------
+    Path
+        The client's file. A server that is running knows the client when it is started again.
+
+    Raises
+    ------
+    UserError
+        If there are no keys of a server, the client is there already, or a file cannot be written; the server's file
+        is then as it was.
+    """
+    if not _NAME.fullmatch(name):
+        raise UserError(f"--client {name!r}: a name has 1 to 40 letters, digits, - and _, and begins with none of -_")
+    server, client = folder / SERVER_FILE, folder / f"rig-client-{name}.toml"
+    next_one = server.with_name(f"{SERVER_FILE}.part")  # there can be only one: whoever makes it has the server's file
+    read_server_keys(server)
+    _write_new(next_one, "")
+    try:
+        keys = read_server_keys(server)
+        names = {m["key"]: m["name"] for m in _CLIENT_LINE.finditer(server.read_text(encoding="utf-8"))}
+        public = _write_client(client, keys.public_key)
+        try:
+            text = _server_text(ServerKeys(keys.public_key, keys.secret_key, (*keys.clients, public)),
+                                names | {public: name})  # fmt: skip
+            next_one.write_text(text, encoding="utf-8")
+            next_one.replace(server)
+        except OSError as error:
+            client.unlink(missing_ok=True)
+            raise UserError(f"cannot write {server}: {error.strerror}") from error
+    finally:
+        with suppress(OSError):
+            next_one.unlink(missing_ok=True)
+    return client
+
+
+def _pair() -> tuple[str, str]:
+    import zmq
+
+    if not zmq.has("curve"):
+        raise UserError("this ZeroMQ was built without CURVE; install pyzmq from its wheels: pip install pyzmq")
+    public, secret = zmq.curve_keypair()
+    return public.decode(), secret.decode()
+
+
+def _write_client(path: Path, server: str) -> str:
+    """Write the file of a new client; return its public key."""
+    public, secret = _pair()
+    _write_new(
+        path,
+        "# Keys of a client of the rig: pass this file on to that client alone, and let nobody else read it.\n"
+        f'server_key = "{server}"\npublic_key = "{public}"\nsecret_key = "{secret}"\n',
+    )
+    return public
+
+
+def _server_text(keys: ServerKeys, names: dict[str, str]) -> str:
+    clients = "".join(f'  "{public}",  # {names.get(public, "a client")}\n' for public in keys.clients)
+    return (
+        "# Keys of the rig's server: this file stays on its machine, and nobody else may read it.\n"
+        f'public_key = "{keys.public_key}"\nsecret_key = "{keys.secret_key}"\n'
+        "# Who may connect; to shut somebody out, delete the line and start the server again.\n"
+        f"clients = [\n{clients}]\n"
+    )
+
+
+def _write_new(path: Path, text: str) -> None:
+    """Write a file that must not be there yet, and that nobody but its owner ever could read."""
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError as error:
+        hint = "; if no other ppy rig keys is at work, delete it" if path.suffix == ".part" else ""
+        raise UserError(f"{path}: is there already and is not overwritten{hint}") from error
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}") from error
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise UserError(f"cannot write {path}: {error.strerror}") from error

@@ -1,0 +1,193 @@
+"""Claims: keys of a rig are made once, readable by their owner alone, and refused in one line if they are none."""
+
+from __future__ import annotations
+
+import os
+import stat
+import struct
+from pathlib import Path
+
+import pytest
+import zmq
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from zmq.utils import z85
+
+from fmus.kit.errors import UserError
+from fmus.rig_proxy.credentials import checked, read_client_keys
+from orchestration.rig.keys import add_client, make_keys, read_server_keys
+from tests.support.command import here, posix, refused
+
+
+def public_of(secret: str) -> str:
+    return zmq.curve_public(secret.encode()).decode()
+
+
+def test_a_pair_for_the_server_and_one_for_its_client(tmp_path):
+    server_file, client_file = make_keys(tmp_path / "keys")
+    server, client = read_server_keys(server_file), read_client_keys(client_file)
+    assert public_of(server.secret_key) == server.public_key == client.server_key
+    assert public_of(client.secret_key) == client.public_key
+    assert server.clients == (client.public_key,)
+    assert server.secret_key != client.secret_key
+
+
+@posix
+def test_nobody_else_can_read_them(tmp_path):
+    before = os.umask(0)
+    try:
+        files = [*make_keys(tmp_path), add_client(tmp_path, "lab")]
+    finally:
+        os.umask(before)
+    assert [stat.S_IMODE(path.stat().st_mode) for path in files] == [0o600] * 3
+    assert stat.S_IMODE((tmp_path / "rig-server.toml").stat().st_mode) == 0o600  # which was written anew
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o644, 0o640, 0o604])
+def test_a_file_that_others_can_read_is_told(tmp_path, mode):
+    server, client = make_keys(tmp_path)
+    for path, read in ((server, read_server_keys), (client, read_client_keys)):
+        told: list[str] = []
+        read(path, told.append)
+        assert told == []
+        path.chmod(mode)
+        read(path, told.append)
+        assert len(told) == 1
+        assert str(path) in told[0]
+        assert "read by others" in told[0]
+
+
+def test_one_more_client(tmp_path):
+    server_file, first = make_keys(tmp_path)
+    second, third = add_client(tmp_path, "lab"), add_client(tmp_path, "my-2nd_PC")
+    server, clients = read_server_keys(server_file), [read_client_keys(path) for path in (first, second, third)]
+    assert server.clients == tuple(client.public_key for client in clients)
+    assert {client.server_key for client in clients} == {server.public_key}
+    assert "# lab" in server_file.read_text()
+    assert "# first client" in server_file.read_text()
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "rig-server.toml", "rig-client.toml", "rig-client-lab.toml", "rig-client-my-2nd_PC.toml",
+    }  # fmt: skip
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_nothing_is_overwritten(tmp_path):
+    make_keys(tmp_path)
+    add_client(tmp_path, "lab")
+    before = contents(tmp_path)
+    for again in (lambda: make_keys(tmp_path), lambda: add_client(tmp_path, "lab")):
+        with pytest.raises(UserError, match="overwritten"):
+            again()
+        assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("present", ["rig-server.toml", "rig-client.toml"])
+def test_half_a_pair_is_not_made_whole(tmp_path, present):
+    (tmp_path / present).write_text("mine")
+    with pytest.raises(UserError, match=present):
+        make_keys(tmp_path)
+    assert contents(tmp_path) == {present: b"mine"}
+
+
+def test_two_at_once_do_not_lose_a_client(tmp_path):
+    make_keys(tmp_path)
+    (tmp_path / "rig-server.toml.part").write_text("")  # another one is at work
+    before = contents(tmp_path)
+    with pytest.raises(UserError, match=r"rig-server\.toml\.part"):
+        add_client(tmp_path, "lab")
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["", "../x", "a b", "-x", "ü", "x" * 41, "a/b"])
+def test_names_that_are_no_file_names(tmp_path, name):
+    make_keys(tmp_path)
+    with pytest.raises(UserError, match="--client"):
+        add_client(tmp_path, name)
+
+
+def test_a_client_needs_a_server(tmp_path):
+    with pytest.raises(UserError, match="there is no such key file"):
+        add_client(tmp_path, "lab")
+
+
+GOOD = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"  # from the specification of ZMQ CURVE's examples
+BAD = {
+    "missing": ('public_key = "{k}"', "server_key is missing"),
+    "no TOML": ("public_key = ", "not TOML"),
+    "no text": ("\xff", "not TOML"),
+    "a number": ('server_key = 5\npublic_key = "{k}"\nsecret_key = "{k}"', "must be a text"),
+    "short": ('server_key = "abc"\npublic_key = "{k}"\nsecret_key = "{k}"', "3 characters"),
+    "quoted": ("server_key = '{t}\"'\npublic_key = '{k}'\nsecret_key = '{k}'", "not Z85"),
+    "too large": ("server_key = '{h}#####'\npublic_key = '{k}'\nsecret_key = '{k}'", "no four bytes"),
+    "of a server": ("public_key = '{k}'\nsecret_key = '{k}'\nclients = []", "key file of a server"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_file_that_is_none_is_refused_in_a_line(tmp_path, what):
+    text, why = BAD[what]
+    path = tmp_path / "client.toml"
+    path.write_bytes(text.format(k=GOOD, t=GOOD[:-1], h=GOOD[:-5]).encode("latin-1"))
+    with pytest.raises(UserError, match=why) as caught:
+        read_client_keys(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert GOOD[:20] not in str(caught.value)
+
+
+def test_a_missing_file_a_folder_and_a_long_one(tmp_path):
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(UserError, match=str(path)):
+            read_client_keys(path)
+    (tmp_path / "long.toml").write_text("#" * 100_000)
+    with pytest.raises(UserError, match="no key file"):
+        read_client_keys(tmp_path / "long.toml")
+
+
+@pytest.mark.parametrize(
+    ("clients", "why"), [("5", "clients must be"), ('["x"]', r"clients\[0\] has 1"), ("[5]", "must be a text")]
+)
+def test_clients_of_a_server_are_keys(tmp_path, clients, why):
+    path = tmp_path / "server.toml"
+    path.write_text(f'public_key = "{GOOD}"\nsecret_key = "{GOOD}"\nclients = {clients}')
+    with pytest.raises(UserError, match=why):
+        read_server_keys(path)
+
+
+@given(st.binary(min_size=32, max_size=32))
+def test_whatever_is_z85_is_a_key(key):
+    text = z85.encode(key).decode()
+    assert checked(text, "here") == text
+
+
+@given(st.text(max_size=50) | st.text(alphabet="ab0#&\"'", min_size=40, max_size=40))
+@settings(suppress_health_check=[HealthCheck.too_slow])
+def test_what_is_not_is_refused(text):
+    try:
+        is_key = len(text) == 40 and len(z85.decode(text.encode())) == 32
+    except (ValueError, KeyError, struct.error):
+        is_key = False
+    if is_key:
+        assert checked(text, "here") == text
+    else:
+        with pytest.raises(UserError):
+            checked(text, "here")
+
+
+def test_secrets_are_not_shown(tmp_path):
+    server_file, client_file = make_keys(tmp_path)
+    for keys in (read_server_keys(server_file), read_client_keys(client_file)):
+        assert keys.secret_key not in repr(keys)
+
+
+def test_on_the_command_line(tmp_path):
+    done = here("rig", "keys", "keys", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert here("rig", "keys", "keys", "--client", "lab", cwd=tmp_path).returncode == 0
+    assert len(read_server_keys(tmp_path / "keys" / "rig-server.toml").clients) == 2
+    refused(tmp_path, "rig", "keys", "keys", parts=["rig-server.toml", "not overwritten"])
+    refused(tmp_path, "rig", "keys", "nowhere", "--client", "lab", parts=["rig-server.toml"])
