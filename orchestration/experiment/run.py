@@ -92,6 +92,7 @@ def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
     """Return all that it takes to make the experiment again."""
     experiment, on = prepared.experiment, prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
+    numbers = {n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}" for n, v in prepared.settings.items()}
     return {
         "title": experiment.title or where, "source": experiment.source, "subject": on.name,
         "complete": int(done.complete), "duration": experiment.duration, "step": experiment.step,
@@ -100,6 +101,6 @@ def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": f"ppy-rig {version('ppy-rig')}, numpy {np.__version__}, Python {platform.python_version()}",
         "guids": json.dumps(dict(on.guids)),
-        "parameters": json.dumps({n: f"{v!r} {units.get(n, '')}" for n, v in prepared.settings.items()}),
+        "parameters": json.dumps(numbers),
         "experiment": experiment.model_dump_json(exclude_none=True),
     }  # fmt: skip
