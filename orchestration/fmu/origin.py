@@ -53,7 +53,7 @@ def restore(name: str, made_from: Provenance, parameters: Mapping[str, Signal]) 
     base = _base(made_from)
     effects = find_effects(base, made_from.effects, made_from.place)
     plain = stack(base, *effects, name=name)
-    declared = {p.name: declared_signal(p).default for p in plain.layout.parameters}
+    declared = {p.name: declared_signal(p).default for p in (*plain.layout.parameters, *plain.layout.texts)}
     if declared.keys() != parameters.keys():
         other = sorted(declared.keys() ^ parameters.keys())[0]
         raise UserError(f"{made_from.place} has other parameters now, such as {other}")
@@ -65,10 +65,10 @@ def restore(name: str, made_from: Provenance, parameters: Mapping[str, Signal]) 
 
 def _base(made_from: Provenance) -> type[Component]:
     """One of our components, or a class in a file that is there with the same contents; nothing else is loaded."""
-    from fmus import COMPONENTS, component
+    from fmus import MODELS, component
 
     if made_from.component:
-        if made_from.component not in COMPONENTS:
+        if made_from.component not in MODELS:
             raise UserError(f"there is no component {made_from.component!r} here")
         return component(made_from.component)
     path = Path(made_from.file)

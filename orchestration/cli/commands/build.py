@@ -37,7 +37,7 @@ def build(
     from fmus.kit import files, stack
     from orchestration.cli.models import model_file
     from orchestration.fmu.model import find_class, read_settings
-    from orchestration.fmu.signal import declared_signal, numeric
+    from orchestration.fmu.signal import declared_signal
     from orchestration.reporting.console import out as screen
     from orchestration.reporting.console import progress
 
@@ -46,9 +46,9 @@ def build(
     classes = []
     for name in names or MODELS:
         cls = find_class(name, comma_list(effects))
-        known = {p.name: declared_signal(p) for p in cls.layout.parameters}
+        known = {p.name: declared_signal(p) for p in (*cls.layout.parameters, *cls.layout.texts)}
         if values := read_settings(name, settings or [], known):
-            cls = stack(cls, name=f"{cls.name}_set", defaults=numeric(values))
+            cls = stack(cls, name=f"{cls.name}_set", defaults=values)
         classes.append(cls)
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
     places = {f"{cls.name} ({kind})": out / kind / f"{cls.name}.fmu" for cls in classes for kind in runtimes}

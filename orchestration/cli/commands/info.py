@@ -66,7 +66,7 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
     from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
-    groups = {"inputs": layout.inputs, "outputs": layout.measurable, "parameters": layout.parameters}
+    groups = {"inputs": layout.inputs, "outputs": layout.measurable, "parameters": (*layout.parameters, *layout.texts)}
     base, stacked = vars(cls).get("stacked", (cls, ()))
     there = [effect_name(effect) for effect in stacked]
     return _Facts(

@@ -114,3 +114,14 @@ def test_an_experiment_on_a_system_sets_texts_of_members(fmu, tmp_path):
 def test_what_computes_takes_no_text():
     with pytest.raises(UserError, match="endpoint = 'x': is a text"):
         numeric({"R1": 0.5, "endpoint": "x"})
+
+
+def test_a_proxy_can_be_built_with_an_address_of_its_own(tmp_path):
+    done = works(
+        "build", "rig_proxy", "--runtime", "python", "--set", f"endpoint={ENDPOINT}0", "--out", "fmus", cwd=tmp_path
+    )
+    assert "rig_proxy_set.fmu" in done
+    model = find_model(str(tmp_path / "fmus" / "python" / "rig_proxy_set.fmu"))
+    assert model.parameters["endpoint"].default == f"{ENDPOINT}0"
+    assert model.parameters["on_stale"].default == "hold"
+    assert model.notes == ()  # the class behind it is found again
