@@ -28,7 +28,9 @@ from orchestration.system.ssp.vocabulary import ENDINGS
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]
-Runner = Callable[[Array, Mapping[str, Array], Mapping[str, Value], Sequence[str], Progress], master.Run]
+Runner = Callable[
+    [Array, Mapping[str, Array], Mapping[str, Value], Sequence[str], Progress, master.RealTime | None], master.Run
+]
 _NO_READING = ("parameter", "input", "independent")
 
 
@@ -55,7 +57,7 @@ class Subject:
     couplings : list of Mechanical
         Those whose imbalance can be computed.
     run : callable
-        Takes communication points, inputs, parameters, names of outputs and progress.
+        Takes communication points, inputs, parameters, names of outputs, progress, and how to keep pace with real time.
     """
 
     name: str
@@ -129,13 +131,15 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     how = experiment.master or Master()
 
     def run(
-        time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], record: Sequence[str], tell: Progress
-    ) -> master.Run:
+        time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], record: Sequence[str], tell: Progress,
+        pace: master.RealTime | None = None,
+    ) -> master.Run:  # fmt: skip
         ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
         names = [f"{prefix}{name}" for name in record]
         if how.method == "fused":
             return _fused(ready, time, inputs, names, tell)
-        return master.run(ready, time, inputs, record=names, progress=tell, **how.model_dump(exclude_none=True))
+        options = how.model_dump(exclude_none=True)
+        return master.run(ready, time, inputs, record=names, progress=tell, real_time=pace, **options)
 
     wanted = [str(port) for port in system.outputs.values()]
     return Subject(
