@@ -159,9 +159,9 @@ def _owners(cls: type[Component]) -> dict[str, type]:
     return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
 
 
-def _redeclared(prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float]) -> dict[str, Any]:
+def _redeclared(prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float | str]) -> dict[str, Any]:
     """Declare parameters anew with other defaults; the start value of a state is in the state's declaration."""
-    holders: dict[str, Any] = {p.name: p for part in parts for p in part.layout.parameters}
+    holders: dict[str, Any] = {p.name: p for part in parts for p in (*part.layout.parameters, *part.layout.texts)}
     layouts = [part.layout for part in parts]
     holders |= {layout.start_of[s.name]: s for layout in layouts for s in (*layout.states, *layout.discretes)}
     for name in defaults:
@@ -174,7 +174,7 @@ def stack(
     base: type[Component],
     *effects: type[Effect],
     name: str | None = None,
-    defaults: Mapping[str, float] | None = None,
+    defaults: Mapping[str, float | str] | None = None,
 ) -> type[Component]:
     """Lay effects over a component; later effects see the laws of earlier ones through ``super()``.
 
@@ -186,8 +186,9 @@ def stack(
         Effects, innermost first.
     name : str, optional
         FMU name of the result; default joins the ids, with the output that an effect is of, as far as a file name goes.
-    defaults : Mapping of str to float, optional
-        Values of parameters that replace their defaults, start values too, SI. Those of the base stay otherwise.
+    defaults : Mapping of str to float or str, optional
+        Values of parameters that replace their defaults, start values too, SI; texts of texts. Those of the base stay
+        otherwise.
 
     Returns
     -------

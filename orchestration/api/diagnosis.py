@@ -22,6 +22,7 @@ from orchestration.discrepancy.report import picture, terminal, wording
 from orchestration.discrepancy.report.page import page
 from orchestration.discrepancy.report.summary import summary
 from orchestration.fmu.model import Model, find_model
+from orchestration.fmu.signal import numeric
 from orchestration.identify.estimate import Estimate
 from orchestration.records import Record
 from orchestration.reporting.plain import plain_text, preformatted
@@ -281,7 +282,7 @@ def diagnose(
     subject = find_model(model) if isinstance(model, str) else model
     rig = subject.name == DRIVEN
     options = pipeline.Options(
-        given=values_of(subject, settings), effects=effects, hold=hold, interpolate=interpolate,
+        given=numeric(values_of(subject, settings)), effects=effects, hold=hold, interpolate=interpolate,
         limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"),
     )  # fmt: skip
     measured = matching_record(record, subject, mapping)

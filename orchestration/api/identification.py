@@ -12,6 +12,7 @@ from fmus.kit.errors import UserError
 from orchestration.api.records import matching_record
 from orchestration.api.simulation import as_model, values_of
 from orchestration.fmu.model import Model
+from orchestration.fmu.signal import numeric
 from orchestration.identify import comparison, grey_box
 from orchestration.identify.comparison import Comparison
 from orchestration.identify.grey_box import Fit
@@ -109,7 +110,7 @@ def fit(
     subject = as_model(model)
     if subject.cls is None:
         raise UserError(f"{subject.name} is an FMU without equations; name a component or file.py:Class")
-    given = values_of(subject, settings)
+    given = numeric(values_of(subject, settings))
     data = matching_record(record, subject, mapping)
     n = data.time.size
     constant = {name: np.full(n, value) for name, value in given.items() if name in subject.inputs}

@@ -16,6 +16,7 @@ from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import shown
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model, find_model, model_of
+from orchestration.fmu.signal import Value
 from orchestration.fmu.simulate import grid, plot
 from orchestration.fmu.simulate import simulate as run_fmu
 from orchestration.records import write_record
@@ -173,6 +174,6 @@ def as_model(model: Model | type[Component] | str) -> Model:
     return find_model(model) if isinstance(model, str) else model
 
 
-def values_of(model: Model, settings: Mapping[str, float | str] | None) -> dict[str, float]:
+def values_of(model: Model, settings: Mapping[str, float | str] | None) -> dict[str, Value]:
     """Return settings, numbers or texts with a unit, as values in the model's units."""
     return model.settings([f"{name}={value}" for name, value in (settings or {}).items()])

@@ -17,7 +17,7 @@ from orchestration.experiment.model import Experiment, Master, NoiseTable
 from orchestration.experiment.stimulus import Place
 from orchestration.experiment.subject import Subject, known
 from orchestration.fmu import simulate
-from orchestration.fmu.signal import Signal, check_type, read_setting
+from orchestration.fmu.signal import Signal, Value, check_type, is_text, read_setting
 
 Array = NDArray[np.float64]
 _NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
@@ -35,7 +35,7 @@ class Preparation:
     on : Subject
     time : ndarray, shape (n,)
         Communication points in s.
-    settings : dict of str to float
+    settings : dict of str to float or str
         Parameters, in the FMU's units.
     inputs, noise : dict of str to ndarray, shape (n,)
         Stimuli by input, and what is added to recorded outputs; in the FMU's units.
@@ -46,7 +46,7 @@ class Preparation:
     experiment: Experiment
     on: Subject
     time: Array
-    settings: Mapping[str, float]
+    settings: Mapping[str, Value]
     inputs: Mapping[str, Array]
     noise: Mapping[str, Array]
     record: list[str]
@@ -116,7 +116,7 @@ def _points(experiment: Experiment, where: str) -> Array:
         raise UserError(f"{where}: {error}") from error
 
 
-def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, float]:
+def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Value]:
     values = {}
     for name, given in experiment.parameters.items():
         if name in on.fed:
@@ -124,9 +124,11 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, floa
         if name not in on.parameters:
             near = suggestion(name, [*on.parameters, *Experiment.model_fields])
             raise UserError(f"{where}: {on.name} has no parameter named {name!r}{near}")
-        signal = on.parameters[name]
+        signal, here = on.parameters[name], f"{where}: parameters.{name} = {given}"
+        if signal.type == "string":
+            is_text(signal.type, given, here)
         text = str(given).lower() if isinstance(given, bool) else str(given)
-        values[name] = read_setting(text, signal, f"{where}: parameters.{name} = {given}")
+        values[name] = read_setting(text, signal, here)
     return values
 
 

@@ -29,6 +29,13 @@ def state(data: xarray.Dataset) -> str:
     return f"{data.attrs['subject']}: {data.time.size} points, {reached}"
 
 
+def pace(data: xarray.Dataset) -> str:
+    """Say in a sentence how well a run in real time kept pace."""
+    about = data.attrs
+    late = f"the latest by {1e3 * about['worst_lag']:.3g} ms at {about['worst_lag_at']:g} s"
+    return f"real time: {about['missed_deadlines']} of {about['deadlines']} deadlines missed, {late}"
+
+
 def figure(data: xarray.Dataset) -> Figure:
     """Draw every signal over time, or over the signal that the experiment names, in display units."""
     over = data.attrs["over"]
@@ -109,6 +116,7 @@ def page(data: xarray.Dataset, path: Path) -> None:
     made.items([
         f"step {about['step']:g} s, {about['runtime']} build, seed {about['seed']}",
         *(f"{key}: {value}" for key, value in master.items()),
+        *([pace(data)] if "deadlines" in about else []),
         f"{about['wall_time']:.3g} s of computing, {about['created']}, {about['versions']}",
         *(f"{name}: {guid}" for name, guid in json.loads(about["guids"]).items()),
     ])  # fmt: skip

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmus.kit.errors import UserError
 from orchestration.experiment import results
+from orchestration.experiment.live import Follower, Live, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
-from orchestration.experiment.subject import subject
-from orchestration.master import Run
+from orchestration.experiment.subject import Subject, subject
+from orchestration.master import Run, Stopped
 from orchestration.master.reference.coupling_error import imbalance
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ def run(
     progress: Callable[[int, int], None] = lambda done, whole: None,
     note: Callable[[str], None] = lambda text: None,
     fits: Callable[[xarray.Dataset], None] = lambda sketch: None,
+    live: Live | None = None,
 ) -> xarray.Dataset:
     """Make an experiment.
 
@@ -42,13 +45,16 @@ def run(
         Called with a line for what else is worth knowing: repairs in a file, inputs that stay at their start value.
     fits : callable
         Called, before anything is computed, with a first point of the results without values; it may refuse them.
+    live : Live, optional
+        Run in real time, and what to do meanwhile. Outputs about the links of proxies are recorded in any case then.
 
     Returns
     -------
     xarray.Dataset
         Inputs and recorded outputs over time in the FMU's units, with all that it takes to make the experiment again.
         Of each mechanical coupling of a system the energy that it made, the running sign of coupling error.
-        After an interrupt, what was computed, with the attribute ``complete`` 0.
+        After an interrupt, what was computed, with the attribute ``complete`` 0. In real time also when an FMU fails or
+        the run does not keep pace, with the reason in the attribute ``failure``: what a rig did cannot be repeated.
 
     Raises
     ------
@@ -58,15 +64,42 @@ def run(
         If an interrupt came before the first point.
     """
     with subject(experiment, where) as on:
+        if live is not None:
+            experiment = _in_real_time(experiment, on, where)
         prepared = prepare(experiment, on, where, note)
         time, signals, inputs = prepared.time, prepared.signals, prepared.inputs
         fits(results.dataset(time[:1], {name: np.zeros(1) for name in signals}, signals, set(inputs), {}))
-        done = on.run(
-            time, inputs, prepared.settings, prepared.wanted, lambda points: progress(points, time.size)
-        )  # fmt: skip
+        follower = None if live is None else Follower(live, prepared)
+        try:
+            done = on.run(
+                time, inputs, prepared.settings, prepared.wanted, lambda points: progress(points, time.size),
+                None if follower is None else follower.pace,
+            )  # fmt: skip
+            failure = ""
+        except Stopped as stopped:
+            if live is None or stopped.run.time.size == 0:
+                raise
+            done, failure = stopped.run, str(stopped)
+        finally:
+            if follower is not None:
+                follower.close()
     if done.time.size == 0:
         raise KeyboardInterrupt
-    return _results(prepared, done, where, note)
+    return _results(prepared, done, where, note).assign_attrs({"failure": failure} if failure else {})
+
+
+def _in_real_time(experiment: Experiment, on: Subject, where: str) -> Experiment:
+    """Have links recorded, too.
+
+    Raises
+    ------
+    UserError
+        If the experiment is run without a master.
+    """
+    if experiment.master is not None and experiment.master.method == "fused":
+        raise UserError(f"{where}: a fused system is computed at once and cannot be run in real time")
+    record = on.usual if experiment.record is None else experiment.record
+    return experiment.model_copy(update={"record": list(dict.fromkeys([*record, *link_outputs(on.outputs)]))})
 
 
 def _results(prepared: Preparation, done: Run, where: str, note: Callable[[str], None]) -> xarray.Dataset:
@@ -88,11 +121,24 @@ def _results(prepared: Preparation, done: Run, where: str, note: Callable[[str],
     return results.dataset(prepared.time[:count], values, prepared.signals, set(prepared.inputs), about)
 
 
+def _about_pace(done: Run) -> dict[str, Any]:
+    """Return how well a run kept pace with real time, if it had to."""
+    pacing = done.statistics.pacing
+    if pacing is None:
+        return {}
+    return {
+        "deadlines": pacing.deadlines, "missed_deadlines": pacing.missed,
+        "worst_lag": pacing.worst_lag, "worst_lag_at": pacing.worst_at,
+        "lateness": json.dumps({"upper_bounds": pacing.edges, "counts": pacing.counts}),
+    }  # fmt: skip
+
+
 def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
     """Return all that it takes to make the experiment again."""
     experiment, on = prepared.experiment, prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
-    return {
+    numbers = {n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}" for n, v in prepared.settings.items()}
+    return _about_pace(done) | {
         "title": experiment.title or where, "source": experiment.source, "subject": on.name,
         "complete": int(done.complete), "duration": experiment.duration, "step": experiment.step,
         "seed": experiment.seed, "runtime": experiment.runtime,
@@ -100,6 +146,6 @@ def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": f"ppy-rig {version('ppy-rig')}, numpy {np.__version__}, Python {platform.python_version()}",
         "guids": json.dumps(dict(on.guids)),
-        "parameters": json.dumps({n: f"{v!r} {units.get(n, '')}" for n, v in prepared.settings.items()}),
+        "parameters": json.dumps(numbers),
         "experiment": experiment.model_dump_json(exclude_none=True),
     }  # fmt: skip

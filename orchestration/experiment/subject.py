@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from orchestration import master
 from orchestration.experiment.model import Experiment, Master
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import find_model
-from orchestration.fmu.signal import Signal, read_signal
+from orchestration.fmu.signal import Signal, Value, read_signal
 from orchestration.master.reference.coupling_error import Mechanical, mechanical
 from orchestration.master.reference.fused import fuse
 from orchestration.system import check, library, ssp
@@ -27,7 +28,9 @@ from orchestration.system.ssp.vocabulary import ENDINGS
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]
-Runner = Callable[[Array, Mapping[str, Array], Mapping[str, float], Sequence[str], Progress], master.Run]
+Runner = Callable[
+    [Array, Mapping[str, Array], Mapping[str, Value], Sequence[str], Progress, master.RealTime | None], master.Run
+]
 _NO_READING = ("parameter", "input", "independent")
 
 
@@ -45,7 +48,7 @@ class Subject:
         Inputs that cannot be set, and why.
     usual : list of str
         Outputs that are recorded unless the experiment names others.
-    settings : Mapping of str to float
+    settings : Mapping of str to float or str
         Parameters that are set already: those of the preset, or of the members of the system.
     duration, step : float
         Seconds, of its default experiment.
@@ -54,7 +57,7 @@ class Subject:
     couplings : list of Mechanical
         Those whose imbalance can be computed.
     run : callable
-        Takes communication points, inputs, parameters, names of outputs and progress.
+        Takes communication points, inputs, parameters, names of outputs, progress, and how to keep pace with real time.
     """
 
     name: str
@@ -63,7 +66,7 @@ class Subject:
     parameters: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
     usual: Sequence[str]
-    settings: Mapping[str, float]
+    settings: Mapping[str, Value]
     duration: float
     step: float
     guids: Mapping[str, str]
@@ -118,9 +121,9 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     described = {member.name: read_description(member.fmu) for member in system.members}
     variables = {
         f"{member}.{v.name}".removeprefix(prefix): v
-        for member, description in described.items() for v in description.modelVariables if v.type != "String"
+        for member, description in described.items() for v in description.modelVariables
     }  # fmt: skip
-    outputs = {name: read_signal(v) for name, v in variables.items() if v.causality not in _NO_READING}
+    outputs = {name: read_signal(v) for name, v in variables.items() if _is_recordable(v)}
     ports = {name: str(ports[0]).removeprefix(prefix) for name, ports in system.inputs.items()}
     fed = {str(c.target): f"it receives {c.source}" for c in system.connections}
     for name, targets in system.inputs.items():
@@ -128,13 +131,15 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     how = experiment.master or Master()
 
     def run(
-        time: Array, inputs: Mapping[str, Array], settings: Mapping[str, float], record: Sequence[str], tell: Progress
-    ) -> master.Run:
+        time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], record: Sequence[str], tell: Progress,
+        pace: master.RealTime | None = None,
+    ) -> master.Run:  # fmt: skip
         ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
         names = [f"{prefix}{name}" for name in record]
         if how.method == "fused":
             return _fused(ready, time, inputs, names, tell)
-        return master.run(ready, time, inputs, record=names, progress=tell, **how.model_dump(exclude_none=True))
+        options = how.model_dump(exclude_none=True)
+        return master.run(ready, time, inputs, record=names, progress=tell, real_time=pace, **options)
 
     wanted = [str(port) for port in system.outputs.values()]
     return Subject(
@@ -144,7 +149,8 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
         parameters={
             name: read_signal(v)
             for name, v in variables.items()
-            if v.causality == "parameter" or (v.causality == "input" and f"{prefix}{name}" not in fed)
+            if v.causality == "parameter"
+            or (v.causality == "input" and v.type != "String" and f"{prefix}{name}" not in fed)
         },
         outputs=outputs,
         usual=wanted or [name for name in outputs if variables[name].causality == "output"],
@@ -155,6 +161,10 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
         couplings=mechanical(system) if how.couples_evenly else [],
         run=run,
     )
+
+
+def _is_recordable(variable: Any) -> bool:
+    return variable.causality not in _NO_READING and variable.type != "String"
 
 
 def _fused(

@@ -19,7 +19,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.archive import first_line, read_description, unpack
 from orchestration.fmu.calls import Transfer, bind, transfers
 from orchestration.fmu.log import MessageLog
-from orchestration.fmu.signal import check_type
+from orchestration.fmu.signal import Value, check_type, is_text, type_of
 
 Array = NDArray[np.float64]
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -32,8 +32,8 @@ class Fmu:
     ----------
     path : Path
         The ``.fmu`` file.
-    parameters : Mapping[str, float], optional
-        Start values by name, in the FMU's units.
+    parameters : Mapping[str, float | str], optional
+        Start values by name, in the FMU's units; texts for strings.
     name : str, optional
         Of the instance; default the model's.
     folder : str, optional
@@ -58,7 +58,7 @@ class Fmu:
     def __init__(
         self,
         path: Path,
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Value] | None = None,
         name: str | None = None,
         folder: str | None = None,
     ):
@@ -136,11 +136,14 @@ class Fmu:
     def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
         """Do the first part of `start`; until `exit_initialization`, inputs and outputs can be exchanged."""
         self._checked("setup", self._slave.setupExperiment, None, time, stop)
-        for name in self.parameters:
-            role = self.variable(name).causality or "local"
-            if role not in ("parameter", "input"):
-                raise UserError(f"{self.path.name}: {name} is {role}, only parameters and inputs can be set")
-            self.writer([name])(np.array([self.parameters[name]]))
+        for name, value in self.parameters.items():
+            variable, where = self.variable(name), f"{self.path.name}: {name}"
+            if (role := variable.causality or "local") not in ("parameter", "input"):
+                raise UserError(f"{where} is {role}, only parameters and inputs can be set")
+            if is_text(type_of(variable), value, where):
+                self._checked(f"setting {name}", self._slave.setString, [variable.valueReference], [value])
+            else:
+                self.writer([name])(np.array([value]))
         self._checked("initialization", self._slave.enterInitializationMode)
 
     def exit_initialization(self) -> None:

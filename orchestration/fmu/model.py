@@ -12,7 +12,7 @@ from orchestration.fmu.archive import read_description
 from orchestration.fmu.effects import catalogue, find_effects
 from orchestration.fmu.loading import load_class, names_class
 from orchestration.fmu.origin import read_provenance, restore
-from orchestration.fmu.signal import Signal, read_setting, read_signal
+from orchestration.fmu.signal import Signal, Value, read_setting, read_signal
 
 if TYPE_CHECKING:
     from fmus.kit import Component
@@ -53,19 +53,19 @@ class Model:
         """Its name, with the effects that were laid over it."""
         return self.name + (f" with {', '.join(self.effects)}" if self.effects else "")
 
-    def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, float]:
+    def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, after those of a preset.
 
         Parameters
         ----------
         texts : sequence of str
-            Each like ``R1=0.61``, ``R1=610mohm`` or ``k1=6.3[N/mm]``.
+            Each like ``R1=0.61``, ``R1=610mohm``, ``k1=6.3[N/mm]`` or ``endpoint=tcp://127.0.0.1:5570``.
         preset : str, optional
             Name of one of the component's presets.
 
         Returns
         -------
-        dict of str to float
+        dict of str to float or str
             Values in the FMU's units.
 
         Raises
@@ -73,7 +73,7 @@ class Model:
         UserError
             For an unknown parameter or preset, a wrong unit, a value out of range.
         """
-        values: dict[str, float] = {}
+        values: dict[str, Value] = {}
         if preset is not None:
             presets = self.cls.presets if self.cls else {}
             if preset not in presets:
@@ -82,7 +82,7 @@ class Model:
         return values | read_settings(self.name, texts, {**self.parameters, **self.inputs})
 
 
-def read_settings(of: str, texts: Sequence[str], known: Mapping[str, Signal]) -> dict[str, float]:
+def read_settings(of: str, texts: Sequence[str], known: Mapping[str, Signal]) -> dict[str, Value]:
     """Read ``name=value[unit]`` settings of a model's variables, in their units.
 
     Raises
@@ -195,9 +195,9 @@ def _from_fmu(name: str) -> Model:
 
 
 def _read(path: Path) -> Model:
-    """Read the inputs, outputs and parameters of an FMU, but for those of type String."""
+    """Read the inputs, outputs and parameters of an FMU; of type String there are parameters only."""
     groups: dict[str, dict[str, Signal]] = {"input": {}, "output": {}, "parameter": {}}
     for v in read_description(path).modelVariables:
-        if v.causality in groups and v.type != "String":
+        if v.causality in groups and (v.type != "String" or v.causality == "parameter"):
             groups[v.causality][v.name] = read_signal(v)
     return Model(path.name, path, None, groups["input"], groups["output"], groups["parameter"])

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fmus.kit.build.provenance import Provenance, read
 from fmus.kit.errors import UserError
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.effects import find_effects
 from orchestration.fmu.loading import load_class
-from orchestration.fmu.signal import Signal
+from orchestration.fmu.signal import Signal, declared_signal
 
 if TYPE_CHECKING:
     from fmus.kit import Component
@@ -53,11 +53,11 @@ def restore(name: str, made_from: Provenance, parameters: Mapping[str, Signal]) 
     base = _base(made_from)
     effects = find_effects(base, made_from.effects, made_from.place)
     plain = stack(base, *effects, name=name)
-    declared = {p.name: float(p.start) for p in plain.layout.parameters}
+    declared = {p.name: declared_signal(p).default for p in (*plain.layout.parameters, *plain.layout.texts)}
     if declared.keys() != parameters.keys():
         other = sorted(declared.keys() ^ parameters.keys())[0]
         raise UserError(f"{made_from.place} has other parameters now, such as {other}")
-    values = {n: parameters[n].start for n, start in declared.items() if parameters[n].start != start}
+    values: Any = {n: parameters[n].default for n, start in declared.items() if parameters[n].default != start}
     made = stack(base, *effects, name=name, defaults=values)
     made.remark = "\n".join(made_from.remarks)
     return made
@@ -65,10 +65,10 @@ def restore(name: str, made_from: Provenance, parameters: Mapping[str, Signal]) 
 
 def _base(made_from: Provenance) -> type[Component]:
     """One of our components, or a class in a file that is there with the same contents; nothing else is loaded."""
-    from fmus import COMPONENTS, component
+    from fmus import MODELS, component
 
     if made_from.component:
-        if made_from.component not in COMPONENTS:
+        if made_from.component not in MODELS:
             raise UserError(f"there is no component {made_from.component!r} here")
         return component(made_from.component)
     path = Path(made_from.file)

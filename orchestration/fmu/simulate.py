@@ -13,6 +13,7 @@ from fmus.kit import units
 from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import Model
+from orchestration.fmu.signal import Value
 from orchestration.records import Record
 
 Array = NDArray[np.float64]
@@ -68,7 +69,7 @@ def simulate(
     model: Model,
     time: Array,
     inputs: Mapping[str, Array],
-    parameters: Mapping[str, float],
+    parameters: Mapping[str, Value],
     progress: Callable[[int], None] = lambda done: None,
 ) -> dict[str, Array]:
     """Run the model's FMU.
@@ -80,7 +81,7 @@ def simulate(
         Communication points in seconds.
     inputs : Mapping[str, ndarray]
         Values (n,) by input, in the FMU's units; missing inputs stay at their start value.
-    parameters : Mapping[str, float]
+    parameters : Mapping[str, float | str]
         Values that replace defaults, in the FMU's units; constant values of inputs too.
     progress : callable
         Called with the number of points done.

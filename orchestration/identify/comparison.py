@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fmus.kit import Component
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.model import Model
+from orchestration.fmu.signal import Value, numeric
 from orchestration.fmu.simulate import simulate
 from orchestration.identify import presentation
 from orchestration.identify.grey_box import Fit, fit
@@ -62,7 +63,7 @@ class Comparison:
     ----------
     model : Model
     record : Record
-    parameters : dict of str to float
+    parameters : dict of str to float or str
         Set by the user, in the FMU's units.
     before, after : dict of str to GoodnessOfFit
         By output; ``after`` is None without a fit.
@@ -71,7 +72,7 @@ class Comparison:
 
     model: Model
     record: Record
-    parameters: dict[str, float]
+    parameters: dict[str, Value]
     before: dict[str, GoodnessOfFit]
     fit: Fit | None
     after: dict[str, GoodnessOfFit] | None
@@ -147,7 +148,7 @@ def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None)
 def compare(
     model: Model,
     record: Record,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, Value] | None = None,
     names: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> Comparison:
@@ -157,7 +158,7 @@ def compare(
     ----------
     model : Model
     record : Record
-    parameters : Mapping[str, float], optional
+    parameters : Mapping[str, float | str], optional
         Values that replace defaults, in the FMU's units.
     names : sequence of str
         Parameters to fit.
@@ -182,7 +183,7 @@ def compare(
     if cls is None:
         return Comparison(model, record, given, before, None, None)
     constant = {name: np.full(record.time.size, value) for name, value in given.items() if name in model.inputs}
-    fixed = {name: value for name, value in given.items() if name in model.parameters}
+    fixed = numeric({name: value for name, value in given.items() if name in model.parameters})
     progress(f"fitting {', '.join(names)}")
     result = fit(cls, record.time, constant | inputs, measured, names, fixed)
     progress("simulating with the fitted parameters")
@@ -212,7 +213,7 @@ def _assess(
     time: Array,
     inputs: Mapping[str, Array],
     measured: Mapping[str, Array],
-    parameters: Mapping[str, float],
+    parameters: Mapping[str, Value],
 ) -> dict[str, GoodnessOfFit]:
     simulated = simulate(model, time, inputs, parameters)
     assessed = {}

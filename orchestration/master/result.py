@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.master.pacing import Pacing
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,9 @@ class Statistics:
     evaluations : int
         Of algebraic loops.
     wall : float
-        Seconds for steps and exchanges, without opening and initialization.
+        Seconds for steps and exchanges, without opening and initialization; in real time for waiting, too.
+    pacing : Pacing or None
+        How well a run in real time kept pace.
     """
 
     components: dict[str, MemberStatistics]
@@ -53,6 +56,7 @@ class Statistics:
     rollbacks: int
     evaluations: int
     wall: float
+    pacing: Pacing | None = None
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ class Run:
 
 
 class Stopped(UserError):
-    """A run that a member has stopped.
+    """A run that a member has stopped, or that could not keep pace with real time.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from fractions import Fraction
 from io import BytesIO
 from numbers import Real
@@ -19,10 +19,12 @@ from orchestration.master.executor import Executor
 from orchestration.master.initialization import enter, initialize
 from orchestration.master.instances import Clock, SavedState
 from orchestration.master.interrupt import Interrupt, deferred
+from orchestration.master.pacing import Pacer, RealTime
 from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
 from orchestration.master.schedule import Settings
 from orchestration.master.setup import check_abilities, disturbance_values, external_values, open_members, structure
 from orchestration.master.step_control import StepDoubling
+from orchestration.master.undisturbed import undisturbed
 from orchestration.system.check import check
 from orchestration.system.model import Port, System
 
@@ -42,6 +44,7 @@ def run(
     feedthrough: bool = True,
     tolerance: float | None = None,
     rates: Mapping[str, float] | None = None,
+    real_time: RealTime | None = None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Run:
     """Run a system over given communication points.
@@ -74,6 +77,8 @@ def run(
         ``tolerance * (nominal + |value|)``; default one step.
     rates : Mapping of str to float
         Steps that a member makes for each step of the system: whole numbers, or 1/2, 1/3, ...
+    real_time : RealTime, optional
+        Reach no point before its time, and tell how late each one was; default as fast as possible.
     progress : callable
         Called with the number of points done, now and then.
 
@@ -85,7 +90,8 @@ def run(
     Raises
     ------
     Stopped
-        If a member fails, discards a step, delivers what is no number, or does not reach the end.
+        If a member fails, discards a step, delivers what is no number, or does not reach the end; if the run cannot
+        keep pace with real time.
     UserError
         If the system cannot be run this way.
     """
@@ -113,7 +119,7 @@ def run(
         executor = Executor(members, who_feeds_whom, system.connections, external, disturbed, settings, clock)
         opened.callback(_release, executor.saved_states)
         notes = initialize(executor)
-        return _Runner(executor, points, recorded, tolerance, progress, notes).run()
+        return _Runner(executor, points, recorded, tolerance, real_time, progress, notes).run()
 
 
 class _Runner:
@@ -125,11 +131,14 @@ class _Runner:
         points: list[float],
         recorded: list[Port],
         tolerance: float | None,
+        real_time: RealTime | None,
         progress: Callable[[int], None],
         notes: Sequence[str],
     ):
         self._executor, self._points, self._recorded, self._progress = executor, points, recorded, progress
-        self._of_initialization = notes
+        self._notes_before = list(notes)
+        self._real_time = real_time
+        self._pacer: Pacer | None = None
         self._doubling = None if tolerance is None else StepDoubling(executor, tolerance)
         self._rows = BytesIO()
         self._done = 0
@@ -139,7 +148,8 @@ class _Runner:
         """Go through all communication points."""
         begin, message, finished = perf_counter(), "", False
         try:
-            with deferred() as interrupt:
+            with deferred() as interrupt, self._undisturbed() as disturbances:
+                self._notes_before += disturbances
                 self._advance(interrupt)
             if self._done == len(self._points):
                 self._finish()
@@ -155,6 +165,10 @@ class _Runner:
             message = f"interrupted at {reached:.10g} s of {self._points[-1]:.10g} s"
         return self._result(message)
 
+    def _undisturbed(self) -> AbstractContextManager[list[str]]:
+        asked = self._real_time
+        return nullcontext([]) if asked is None else undisturbed(asked.processor, asked.priority)
+
     def _advance(self, interrupt: Interrupt) -> None:
         executor, points, linear = self._executor, self._points, self._executor.settings.extrapolation
         last, every = len(points) - 1, max(1, len(points) // 200)
@@ -164,6 +178,10 @@ class _Runner:
         exchange(schedule.stages, 0)
         write(cells)
         self._done = 1
+        if self._real_time is not None:
+            self._pacer = Pacer(self._real_time, points, interrupt)
+            self._pacer.begin(self._values())
+        pacer = self._pacer
         for k in range(1, len(points)):
             if executor.slow:
                 schedule = executor.schedule(executor.due(k, last))
@@ -181,8 +199,15 @@ class _Runner:
             self._done = k + 1
             if k % every == 0:
                 self._progress(k)
+            if pacer is not None:
+                pacer.keep(k, self._values())
             if interrupt.pressed:
                 break
+
+    def _values(self) -> list[float]:
+        """What is recorded, as it is now."""
+        outputs = self._executor.outputs
+        return [outputs.cells[outputs.at[port]] for port in self._recorded]
 
     def _finish(self) -> None:
         """Every member must have reached the end, and end properly.
@@ -227,10 +252,11 @@ class _Runner:
         steps = max(0, self._done - 1) if doubling is None else doubling.steps
         rollbacks = 0 if doubling is None else doubling.rollbacks
         evaluations = sum(fixed_point.evaluations for _, fixed_point in executor.loops)
-        return Statistics(components, steps, rollbacks, evaluations, self._wall)
+        pacing = None if self._pacer is None else self._pacer.statistics()
+        return Statistics(components, steps, rollbacks, evaluations, self._wall, pacing)
 
     def _notes(self) -> Iterator[str]:
-        yield from self._of_initialization
+        yield from self._notes_before
         evaluations: dict[str, int] = {}
         for loop, fixed_point in self._executor.loops:  # the same one again where members have rates of their own
             evaluations[describe(loop)] = evaluations.get(describe(loop), 0) + fixed_point.evaluations

@@ -123,6 +123,7 @@ def match_columns(
         if free:
             matches[signal] = Match(free[0], signal, None)
             taken.append(free[0])
+    _match_members(table, signals, matches, taken)
     ignored = [column.name for column in table.columns if not any(column is other for other in taken)]
     for signal in required:
         if signal not in matches:
@@ -142,6 +143,21 @@ def match_columns(
         hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in ignored]
         table.repairs.append(Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}"))
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
+
+
+def _match_members(table: Table, signals: Iterable[str], matches: dict[str, Match], taken: list[Column]) -> None:
+    """Take the column ``member.signal`` for a signal that has none: results of a system call them so."""
+    for signal in signals:
+        free = [
+            column
+            for column in table.columns
+            if column.name.endswith(f".{signal}") and not any(column is other for other in taken)
+        ]
+        if signal not in matches and len(free) == 1:
+            matches[signal] = Match(free[0], signal, None)
+            taken.append(free[0])
+            message = f"column '{free[0].name}' is read as {signal}: the only one of a member of this name"
+            table.repairs.append(Repair("member", message))
 
 
 def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> Column:

@@ -11,10 +11,9 @@ import fmpy
 
 from fmus.kit import units
 from fmus.kit.errors import UserError, suggestion
-from fmus.kit.units import allowed, shown
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.model import Model, find_model
-from orchestration.fmu.signal import Signal, check_type
+from orchestration.fmu.signal import Signal, check_value
 from orchestration.system.model import Connection, Member, Port, System
 
 _IDENTITY = (1.0, 0.0)
@@ -80,7 +79,7 @@ def _check(system: System) -> None:
     models = {member.name: interface(member) for member in system.members}
     for member in system.members:
         for name, value in member.parameters.items():
-            _check_value(member, name, value)
+            check_value(variable(member, name), value, f"member {member.name}: {name}")
     for connection in system.connections:
         _check_connection(system, models, connection)
     for name, ports in system.inputs.items():
@@ -102,15 +101,6 @@ def _check_names(system: System) -> None:
                 raise UserError(f"two {kind} are named {name!r}")
             if not name or name != name.strip() or (kind == "members" and "." in name):
                 raise UserError(f"{name!r} is no name for one of its {kind}: it is empty, padded, or has a dot")
-
-
-def _check_value(member: Member, name: str, value: float) -> None:
-    signal, where = variable(member, name), f"member {member.name}: {name}"
-    if not math.isfinite(value):
-        raise UserError(f"{where}: {value} is not a finite number")
-    check_type(signal.type, value, where)
-    if not signal.min <= value <= signal.max:
-        raise UserError(f"{where}: {shown(value, signal)} is out of range; allowed is {allowed(signal)}")
 
 
 def _end(system: System, models: Mapping[str, Model], port: Port, causality: str) -> Signal:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.signal import Value
 
 if TYPE_CHECKING:
     from fmus.kit import Component
@@ -33,15 +34,15 @@ class Member:
         Its name in the system.
     fmu : Path
         The FMU file, FMI 2.0 for co-simulation, anybody's.
-    parameters : Mapping of str to float
-        Parameters, and inputs that stay at a value, in the FMU's units.
+    parameters : Mapping of str to float or str
+        Parameters, and inputs that stay at a value, in the FMU's units; texts for strings.
     cls : type[Component] or None
         The class behind it if it is ours: needed to fuse the system, not to run it.
     """
 
     name: str
     fmu: Path
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, Value] = field(default_factory=dict)
     cls: type[Component] | None = None
 
     @classmethod
@@ -49,7 +50,7 @@ class Member:
         cls,
         name: str,
         component: type[Component],
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Value] | None = None,
         runtime: str = "native",
     ) -> Member:
         """Member that is a component of ours; its FMU is built unless the cache has it.
@@ -150,7 +151,7 @@ class System:
             raise UserError(f"system {self.name}: {text!r} is not of the form member.variable")
         return Port(self.member(name).name, variable)
 
-    def given(self, values: Mapping[str, float]) -> System:
+    def given(self, values: Mapping[str, Value]) -> System:
         """Same system with other values of parameters, and of inputs that stay at a value, by ``member.variable``.
 
         Raises

@@ -18,22 +18,22 @@ class Typed(Protocol):
 
     @property
     def type(self) -> str:
-        """One of real, integer and boolean."""
+        """One of real, integer, boolean and string."""
 
     @property
     def unit(self) -> str:
         """As pint reads it; empty where no unit is to be written."""
 
 
-def to_ssv(name: str, values: Mapping[str, float], declared: Mapping[str, Typed], doc: str = "") -> bytes:
+def to_ssv(name: str, values: Mapping[str, float | str], declared: Mapping[str, Typed], doc: str = "") -> bytes:
     """Write a parameter set.
 
     Parameters
     ----------
     name : str
         Name of the set.
-    values : Mapping[str, float]
-        Parameter name to value in its declared unit.
+    values : Mapping[str, float | str]
+        Parameter name to value in its declared unit, or to a text.
     declared : Mapping[str, Typed]
         Parameter name to its type and unit.
     doc : str
@@ -60,10 +60,15 @@ def to_ssv(name: str, values: Mapping[str, float], declared: Mapping[str, Typed]
                 real.set("unit", declaration.unit)
                 used.add(declaration.unit)
         else:
-            text = str(bool(value)).lower() if declaration.type == "boolean" else str(int(value))
-            SubElement(node, f"{{{SSV}}}{declaration.type.capitalize()}", value=text)
+            SubElement(node, f"{{{SSV}}}{declaration.type.capitalize()}", value=_written(value, declaration.type))
     define_units(root, SSV, used)
     return serialized(root)
+
+
+def _written(value: float | str, kind: str) -> str:
+    if kind == "string":
+        return str(value)
+    return str(bool(value)).lower() if kind == "boolean" else str(int(value))
 
 
 def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:

@@ -46,7 +46,7 @@ def build(
     classes = []
     for name in names or MODELS:
         cls = find_class(name, comma_list(effects))
-        known = {p.name: declared_signal(p) for p in cls.layout.parameters}
+        known = {p.name: declared_signal(p) for p in (*cls.layout.parameters, *cls.layout.texts)}
         if values := read_settings(name, settings or [], known):
             cls = stack(cls, name=f"{cls.name}_set", defaults=values)
         classes.append(cls)

@@ -66,7 +66,7 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
     from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
-    groups = {"inputs": layout.inputs, "outputs": layout.measurable, "parameters": layout.parameters}
+    groups = {"inputs": layout.inputs, "outputs": layout.measurable, "parameters": (*layout.parameters, *layout.texts)}
     base, stacked = vars(cls).get("stacked", (cls, ()))
     there = [effect_name(effect) for effect in stacked]
     return _Facts(
@@ -85,10 +85,8 @@ def _relaxes(effect: type[Effect]) -> str:
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
-    from dataclasses import asdict
-
     signals = {
-        group: [asdict(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {}) for s in among]
+        group: [_signal(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {}) for s in among]
         for group, among in known.signals.items()
     }
     return {
@@ -103,6 +101,14 @@ def _as_json(known: _Facts) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _signal(signal: Signal) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    known = asdict(signal) | {"start": signal.default}
+    del known["text"]  # what a text starts with is its start
+    return known
+
+
 def _first_line(effect: type[Effect]) -> str:
     return (effect.__doc__ or "").strip().split("\n")[0].replace("``", "").rstrip(".")
 
@@ -110,7 +116,8 @@ def _first_line(effect: type[Effect]) -> str:
 def _show(known: _Facts) -> None:
     from rich.text import Text
 
-    from fmus.kit.units import allowed, shown
+    from fmus.kit.units import allowed
+    from orchestration.fmu.signal import show
     from orchestration.reporting.console import out, plain_table
 
     out.print(known.name, style="bold", end="  ")
@@ -127,7 +134,7 @@ def _show(known: _Facts) -> None:
         out.print()
     table = plain_table("parameters", "name", "default", "allowed", "meaning")
     for s in known.signals["parameters"]:
-        table.add_row(s.name, shown(s.start, s), allowed(s), s.doc)
+        table.add_row(s.name, show(s.default, s), "any text" if s.type == "string" else allowed(s), s.doc)
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
         names = ", ".join(name for name, other in known.sources.items() if other == source)

@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmus.kit.errors import UserError
-from orchestration.cli.options import Json, complete_experiments, option
+from orchestration.cli.options import Json, complete_experiments, option, seconds
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
+from orchestration.cli.real_time import Options, keep, status_line
 
 if TYPE_CHECKING:
     import xarray
+
+    from orchestration.experiment.live import Live
+    from orchestration.experiment.model import Experiment
 
 
 def run(
@@ -39,6 +43,20 @@ def run(
     runtime: Annotated[
         str | None, option("--runtime", help="Which build of components to run: native, python.")
     ] = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="Keep pace with the clock, as a rig does, and tell how well.")
+    ] = False,
+    missed: Annotated[
+        str | None, option("--missed", metavar="WHAT", help="What a missed deadline does: warn (default) or stop.")
+    ] = None,
+    lag: Annotated[
+        float | None,
+        option(
+            "--lag", metavar="TIME", help="Lag beyond which the run stops in any case; default 1 s.", parser=seconds
+        ),
+    ] = None,
+    processor: Annotated[int | None, option("--cpu", metavar="N", help="The only processor to run on.")] = None,
+    priority: Annotated[bool, typer.Option("--priority", help="Ask for a higher priority.")] = False,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments that ship.")] = False,
 ) -> None:
     """Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit."""
@@ -47,9 +65,12 @@ def run(
         return
     if experiment is None:
         raise UserError("ppy run needs the name or the file of an experiment (ppy run --list shows what there is)")
+    live = Options(real_time, missed, lag, processor, priority).live(out)
     with standard_output_for(result):
-        complete, reproduced = _run(experiment, settings or [], runtime, out, plot, result)
-    if not complete:
+        data, reproduced = _run(experiment, settings or [], runtime, out, plot, result, live)
+    if "failure" in data.attrs:
+        raise UserError(data.attrs["failure"])
+    if not data.attrs["complete"]:
         raise KeyboardInterrupt
     if not reproduced:
         raise typer.Exit(1)
@@ -66,14 +87,19 @@ def _list() -> None:
 
 
 def _run(
-    name: str, settings: Sequence[str], runtime: str | None, out: Path | None, plot: Path | None, result: Path | None
-) -> tuple[bool, bool]:
-    """Run an experiment; return whether it came to its end, and whether every bit is that of the result it was."""
+    name: str,
+    settings: Sequence[str],
+    runtime: str | None,
+    out: Path | None,
+    plot: Path | None,
+    result: Path | None,
+    live: Live | None,
+) -> tuple[xarray.Dataset, bool]:
+    """Run an experiment; return what it delivered, and whether every bit is that of the result it was."""
     from orchestration.experiment import result_page, results
     from orchestration.experiment.reading import files, movable, read
-    from orchestration.experiment.run import run as make
     from orchestration.reporting import pictures
-    from orchestration.reporting.console import note, progress, wrote
+    from orchestration.reporting.console import note, wrote
 
     source = Path(name)
     is_result = source.is_file() and source.suffix.lower() != ".toml"
@@ -88,21 +114,41 @@ def _run(
     earlier = results.read(source) if is_result and not chosen else None
     if earlier is not None and not earlier.attrs["complete"]:
         note(f"{name} is incomplete; it is repeated as far as it goes, {wanted.duration:g} s")
-    with progress() as tell:
-        tell(f"running {name} (FMUs that are not in the cache are built first)")
-        data = make(
-            wanted, name, tell.done, note, lambda sketch: None if out is None else results.check(sketch, out)
-        )  # fmt: skip
+    data = _make(wanted, name, out, live)
     _show(data)
     if out is not None:
-        results.write(movable(data, out.parent), out)
+        if live is None:
+            results.write(movable(data, out.parent), out)
+        else:
+            keep(data, out, live)
         wrote(out, "" if data.attrs["complete"] else "incomplete")
     if plot is not None:
         result_page.plot(data, plot)
         wrote(plot)
     differences = None if earlier is None else _compare(data, earlier, name)
     write_json(result, _as_json(data, name if earlier is not None else None, differences))
-    return bool(data.attrs["complete"]), not differences
+    return data, not differences
+
+
+def _make(wanted: Experiment, name: str, out: Path | None, live: Live | None) -> xarray.Dataset:
+    """Run an experiment, telling how far it is."""
+    from orchestration.experiment import results
+    from orchestration.experiment.run import run as make
+    from orchestration.reporting.console import err, note, progress
+
+    def fits(sketch: xarray.Dataset) -> None:
+        if out is not None:
+            results.check(sketch, out)
+
+    if live is not None:  # no bar: what draws it is a thread, and takes its time when the next step should begin
+        err.print(f"running {name} in real time (FMUs that are not in the cache are built first)", soft_wrap=True)
+        until = f"until {out} is written, what is recorded goes to {live.journal}"
+        note("without --out nothing is kept" if out is None else until)
+        with status_line(live) as telling:
+            return make(wanted, name, note=note, fits=fits, live=telling)
+    with progress() as tell:
+        tell(f"running {name} (FMUs that are not in the cache are built first)")
+        return make(wanted, name, tell.done, note, fits)
 
 
 def _show(data: xarray.Dataset) -> None:
@@ -114,6 +160,8 @@ def _show(data: xarray.Dataset) -> None:
     for row in result_page.extremes(data):
         table.add_row(*row)
     out.print(result_page.state(data))
+    if "deadlines" in data.attrs:
+        out.print(result_page.pace(data))
     out.print(table)
 
 

@@ -24,6 +24,7 @@ from orchestration.cli.outputs import SIGNALS, Outputs
 
 if TYPE_CHECKING:
     from orchestration.fmu.model import Model as FoundModel
+    from orchestration.fmu.signal import Value
     from orchestration.fmu.simulate import Array
 
 
@@ -71,7 +72,7 @@ def simulate(
 
 
 def _stimulus(
-    model: FoundModel, file: Path | None, mapping: list[str], parameters: Mapping[str, float],
+    model: FoundModel, file: Path | None, mapping: list[str], parameters: Mapping[str, Value],
     stop: float | None, step: float | None,
 ) -> tuple[Array, dict[str, Array]]:  # fmt: skip
     """Communication points, shape (n,) in s, and inputs over them: a record's, else constant ones as they are set."""

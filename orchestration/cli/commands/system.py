@@ -14,6 +14,7 @@ from orchestration.cli.options import Runtime, complete_systems, option
 from orchestration.cli.outputs import Outputs
 
 if TYPE_CHECKING:
+    from orchestration.fmu.signal import Signal, Value
     from orchestration.system import System
 
 systems = typer.Typer(
@@ -62,10 +63,14 @@ def _show_members(system: System) -> None:
 
     table = plain_table(None, "member", "FMU", "values given to it")
     for member in system.members:
-        given = [f"{k}={v:.6g} {variable(member, k).unit}".removesuffix(" 1") for k, v in member.parameters.items()]
+        given = [f"{name}={_given(value, variable(member, name))}" for name, value in member.parameters.items()]
         table.add_row(member.name, member.fmu.name, ", ".join(given))
     out.print()
     out.print(table)
+
+
+def _given(value: Value, signal: Signal) -> str:
+    return value if isinstance(value, str) else f"{value:.6g} {signal.unit}".removesuffix(" 1")
 
 
 def _show_connections(system: System) -> None:

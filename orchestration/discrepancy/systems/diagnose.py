@@ -84,7 +84,7 @@ def _configured(system: System, settings: Sequence[str]) -> tuple[System, dict[P
         model = interface(system.member(port.member))
         value = model.settings([f"{port.variable}={text.partition('=')[2]}"])[port.variable]
         if port.variable in model.inputs:
-            given[port] = value
+            given[port] = float(value)
             continue
         members = [
             replace(m, parameters={**m.parameters, port.variable: value}) if m.name == port.member else m

@@ -15,6 +15,7 @@ from orchestration.discrepancy.systems.cut import IsolatedMember
 from orchestration.discrepancy.systems.inputs import MemberInputs
 from orchestration.fmu.archive import unpack
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.signal import Value
 from orchestration.fmu.simulate import simulate_instance
 from orchestration.system.check import interface
 
@@ -69,7 +70,7 @@ class MemberSimulation:
         """Outputs that are read: all that are real, for what was not measured may tell what a residual is due to."""
         return [n for n, signal in interface(self.isolated.member).outputs.items() if signal.type == "real"]
 
-    def start_values(self, values: Mapping[str, float]) -> dict[str, float]:
+    def start_values(self, values: Mapping[str, float]) -> dict[str, Value]:
         """Parameters and inputs of the FMU at the first sample; `values` go before parameters of the system."""
         return {**self.isolated.member.parameters, **self.inputs.constant, **values, **self.inputs.first}
 

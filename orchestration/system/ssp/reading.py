@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element
 
 from fmus.kit import units
 from fmus.kit.errors import UserError
+from orchestration.fmu.signal import Value
 from orchestration.system.check import conversion, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
 from orchestration.system.ssp.connectors import check_connectors, check_declared, variables_of
@@ -18,7 +19,7 @@ from orchestration.system.ssp.grammar import check_elements, local
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import CONNECTORS, FMU, NAMESPACES, OUTSIDE, STEP, tag
 
-_TYPES = {tag("ssv:Real"): "real", tag("ssv:Integer"): "integer", tag("ssv:Boolean"): "boolean"}
+_TYPES = {tag(f"ssv:{kind.capitalize()}"): kind for kind in ("real", "integer", "boolean", "string")}
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
@@ -201,10 +202,11 @@ class _Reader:
                     name = binding.get("prefix", "") + self._get(parameter, "name")
                     if len(parameter) == 0 or parameter[0].tag not in _TYPES:
                         kind = local(parameter[0]) if len(parameter) else "nothing"
-                        raise self._wrong(f"{where}: parameter {name} is {kind}; known are Real, Integer and Boolean")
+                        known = "known are Real, Integer, Boolean and String"
+                        raise self._wrong(f"{where}: parameter {name} is {kind}; {known}")
                     yield name, parameter[0]
 
-    def _value(self, member: Member, name: str, element: Element) -> float:
+    def _value(self, member: Member, name: str, element: Element) -> Value:
         """Value of a parameter in the FMU's unit."""
         try:
             signal = variable(member, name)
@@ -213,6 +215,8 @@ class _Reader:
         where, kind, text = f"member {member.name}: {name}", _TYPES[element.tag], element.get("value", "")
         if kind != signal.type:
             raise self._wrong(f"{where}: given as {kind}, but the FMU has it as {signal.type}")
+        if kind == "string":
+            return text
         if kind == "boolean":
             if text not in _BOOLEANS:
                 raise self._wrong(f"{where}: {text!r} is neither true nor false")
