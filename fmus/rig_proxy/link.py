@@ -66,6 +66,7 @@ class Link:
         self._sequence, self._newest, self._seen = 0, 0, 0.0
         self._context = zmq.Context()
         self._socket: Any = None
+        self._used = False
         try:
             self._open()
         except BaseException:
@@ -98,7 +99,8 @@ class Link:
             If nobody answers, or the server refuses.
         """
         self.accepted = {}
-        self._open()
+        if self._used:
+            self._open()
         self._send("connect", client=self.client, inputs=self.inputs, outputs=self.outputs, time=time)
         for message in self._answers(monotonic() + timeout):
             if message["type"] == "refused":
@@ -187,6 +189,7 @@ class Link:
             raise LinkError(f"endpoint {self.endpoint!r}: {error.strerror}; it is like {protocol.ENDPOINT}") from error
 
     def _send(self, kind: str, **fields: Any) -> None:
+        self._used = True
         with suppress(zmq.Again):  # the other side takes nothing: no answer will come either
             self._socket.send(protocol.encode(kind, **fields), zmq.DONTWAIT)
 
