@@ -12,7 +12,7 @@ from fmus.kit import UserError
 from fmus.rig_proxy import protocol
 from fmus.rig_proxy.link import Link, LinkError
 from orchestration.rig.keys import make_keys
-from tests.support.rig.server import INPUTS, OUTPUTS, SmallRig, free_port
+from tests.support.rig.small_rig import INPUTS, OUTPUTS, SmallRig, free_port
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 
 from fmus import component
 from tests.contract.raw import OK, Instance, references
-from tests.support.rig.server import SmallRig
+from tests.support.rig.small_rig import SmallRig
 
 INPUTS = {"current": "A", "force": "N"}
 OUTPUTS = {

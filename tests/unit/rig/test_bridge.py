@@ -18,7 +18,7 @@ from orchestration.rig.bridge import Bridge
 from orchestration.rig.endpoint import endpoint
 from orchestration.rig.keys import add_client, make_keys
 from tests.support.command import refused
-from tests.support.rig.server import SmallRig, free_port
+from tests.support.rig.small_rig import SmallRig, free_port
 
 PATIENCE = 10.0  # s, for what takes milliseconds on an idle machine
 
@@ -162,7 +162,7 @@ def test_frames_that_the_protocol_does_not_allow_are_dropped(keys, plain):
 
 def test_a_server_that_dies_is_answered_by_nobody_and_found_again(keys, plain):
     port = free_port()
-    command = [sys.executable, "-m", "tests.support.rig.server", str(port), str(keys[0])]
+    command = [sys.executable, "-m", "tests.support.rig.small_rig", str(port), str(keys[0])]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert server.stdout.readline() == "ready\n"

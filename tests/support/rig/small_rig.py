@@ -1,7 +1,7 @@
 """A small rig server of its own, written from ``docs/reference/protocol.md``, whose faults a test chooses.
 
 It shares with the project nothing but the key file. In a thread (:class:`SmallRig`), or as a process that can be
-killed: ``python -m tests.support.rig.server PORT [KEYS]``.
+killed: ``python -m tests.support.rig.small_rig PORT [KEYS]``.
 """
 
 from __future__ import annotations
