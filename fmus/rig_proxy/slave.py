@@ -50,7 +50,8 @@ class ProxySlave:
         self._internals = len(layout.names)
         self._link: Link | None = None
         self._warning: str | None = None
-        self._begin = self._start = self._heard = 0.0  # our clock and simulation time at the start; last answer
+        self._begin: float | None = None  # our clock at the start of the simulation; it runs from the first step on
+        self._start = self._heard = 0.0  # simulation time at the start; our clock at the last answer
         self._taken = [0.0] * len(outputs)  # our clock when each value was taken, at the latest that it can have been
 
     def initialize(self) -> str | None:
@@ -64,7 +65,7 @@ class ProxySlave:
             )
             self._start = self._memory[self._internals + _START_TIME]
             self._connect(self._start, self._value("communication_timeout"))
-            self._begin = monotonic()
+            self._begin = None
             missing = [name for name, value in zip(self._outputs, self._newest["values"], strict=True) if value is None]
             if missing:
                 raise UserError(f"the rig has no value of {missing[0]}")
@@ -138,6 +139,8 @@ class ProxySlave:
         assert self._link is not None
         lockstep = self._link.accepted["mode"] == LOCKSTEP
         timeout, deadline = self._value("communication_timeout"), self._value("deadline")
+        if self._begin is None:  # what a master does between initialization and its first step takes no time of the rig
+            self._begin = monotonic() - (time - self._start)
         due = -inf if lockstep else self._begin + (time + step - self._start)
         limit = monotonic() + timeout
         if late := self._link.late():
@@ -234,7 +237,7 @@ class ProxySlave:
         except LinkError as error:
             self._warning = str(error)
             return False
-        self._begin = monotonic() - (time - self._start)  # nobody shall race to make up for the time without a link
+        self._begin = None  # nobody shall race to make up for the time without a link
         return True
 
     def _drop(self) -> None:
