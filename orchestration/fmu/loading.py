@@ -1,4 +1,4 @@
-"""Models of a user: a class in a Python file, named as ``path/to/file.py:Class``."""
+"""What a user wrote: a class in a Python file, named as ``path/to/file.py:Class``."""
 
 from __future__ import annotations
 
@@ -41,23 +41,47 @@ def load_class(place: str) -> type[Component]:
     """
     from fmus.kit import Component
 
-    file, colon, name = place.rpartition(":")
-    if not (colon and file and name):
-        raise UserError(f"{place}: write path/to/file.py:Class")
-    path = Path(file)
-    module = _load(path)
-    cls: Any = getattr(module, name, None)
-    models = [n for n, c in vars(module).items() if is_subclass(c, Component) and c.__module__ == module.__name__]
-    if cls is None:
-        raise UserError(f"{path}: there is no class {name!r} in it{suggestion(name, models)}")
-    if not is_subclass(cls, Component):
-        raise UserError(f"{path}: {name} is not a Component{suggestion(name, models)}")
+    path, name, cls, models = load_subclass(place, Component)
     if not cls.name:
         raise UserError(
             f"{path}: {name} has no name, so it is a base or an effect and no model{suggestion(name, models)}"
         )
     loaded: type[Component] = cls
     return loaded
+
+
+def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
+    """Load a class from a file that is not ours.
+
+    Parameters
+    ----------
+    place : str
+        ``path/to/file.py:Class``.
+    base : type
+        What it has to be derived from.
+
+    Returns
+    -------
+    tuple of Path, str, type and list of str
+        File and name, the class, and the names of all such classes that the file defines.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or run, or has no such class.
+    """
+    file, colon, name = place.rpartition(":")
+    if not (colon and file and name):
+        raise UserError(f"{place}: write path/to/file.py:Class")
+    path = Path(file)
+    module = _load(path)
+    cls: Any = getattr(module, name, None)
+    known = [n for n, c in vars(module).items() if is_subclass(c, base) and c.__module__ == module.__name__]
+    if cls is None:
+        raise UserError(f"{path}: there is no class {name!r} in it{suggestion(name, known)}")
+    if not is_subclass(cls, base):
+        raise UserError(f"{path}: {name} is not a {base.__name__}{suggestion(name, known)}")
+    return path, name, cls, known
 
 
 def is_subclass(thing: object, base: type) -> bool:

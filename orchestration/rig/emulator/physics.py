@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, make_dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,10 +169,21 @@ def together(variations: Sequence[type[Physics]]) -> type[Physics]:
 # --- time -------------------------------------------------------------------------------------------------------------
 
 
+class Motion(Protocol):
+    """What a transition is made of: rates of change of states under two inputs; zero at zero if they are linear."""
+
+    order: int
+    is_linear: bool
+
+    def rates(self, state: Array, first: Any, second: Any, /) -> list[Any]:
+        """Return the time derivatives of the state."""
+        ...
+
+
 class Transition:
     """Transition over one duration (s) of states (order,) or (order, m), under held inputs (2,) or (2, m)."""
 
-    def __init__(self, physics: Physics, duration: float):
+    def __init__(self, physics: Motion, duration: float):
         self.physics, n = physics, physics.order
         self.pieces = 1 if physics.is_linear else max(1, int(np.ceil(duration / _LONGEST - 1e-6)))
         h = duration / self.pieces

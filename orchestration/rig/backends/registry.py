@@ -1,0 +1,121 @@
+"""Backends by name, and those of a user by file."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Mapping
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.loading import load_subclass, names_class
+from orchestration.rig.backends.backend import Backend
+
+BACKENDS = {
+    "emulator": "emulator:Emulator",
+    "replay": "replay:Replay",
+    "nidaqmx": "nidaqmx:NiDaqmx",
+    "visa": "visa:Visa",
+}
+"""Name of a backend -> module and class; strings, so that listing them imports nothing."""
+
+_EXTRAS = {"nidaqmx": "nidaqmx", "pyvisa": "visa"}  # library -> extra that installs it
+
+
+def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
+    """Open a backend.
+
+    Parameters
+    ----------
+    spec : str
+        ``emulator``, ``replay``, ``nidaqmx``, ``visa``, or ``path/to/file.py:Class``.
+    options : Mapping of str to str
+        Its options by name; which there are is told when one is wrong.
+
+    Returns
+    -------
+    Backend
+        Open, and ready for any call.
+
+    Raises
+    ------
+    UserError
+        If there is no such backend, an option is unknown, missing or wrong, a library is not installed, or the device
+        cannot be opened.
+    """
+    cls = backend_class(spec)
+    known = _options(cls)
+    for name in options:
+        if name not in known:
+            raise UserError(f"backend {spec}: no option {name!r}{suggestion(name, list(known)) or ' (it has none)'}")
+    for name, parameter in known.items():
+        if parameter.default is parameter.empty and name not in options:
+            raise UserError(f"backend {spec}: option {name} is missing; write {name}=...")
+    try:
+        backend: Backend = cls(**options)
+    except UserError as error:
+        raise UserError(f"backend {spec}: {error}") from error
+    except Exception as error:  # whatever a backend of somebody else, or a driver, raises
+        raise UserError(f"backend {spec}: cannot be opened: {type(error).__name__}: {_line(error)}") from error
+    try:
+        _check(spec, backend)
+    except BaseException:
+        backend.close()
+        raise
+    return backend
+
+
+def backend_class(spec: str) -> type[Backend]:
+    """Load the class of a backend, with the libraries that it needs, without opening it.
+
+    Parameters
+    ----------
+    spec : str
+        As for :func:`open_backend`.
+
+    Raises
+    ------
+    UserError
+        If there is none, its file cannot be loaded, or a library is not installed.
+    """
+    if names_class(spec):
+        path, name, cls, _ = load_subclass(spec, Backend)
+        if inspect.isabstract(cls):
+            missing = ", ".join(sorted(cls.__abstractmethods__))
+            raise UserError(f"{path}: {name} is no backend yet: it lacks {missing}")
+        return cls  # type: ignore[no-any-return]
+    if spec not in BACKENDS:
+        raise UserError(f"no backend {spec!r}{suggestion(spec, [*BACKENDS, 'path/to/file.py:Class'])}")
+    module, name = BACKENDS[spec].split(":")
+    try:
+        loaded: type[Backend] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        raise UserError(
+            f"backend {spec}: {error.name} is not installed; install it with: pip install 'ppy-rig[{extra}]'"
+        ) from error
+    return loaded
+
+
+def _options(cls: type[Backend]) -> dict[str, inspect.Parameter]:
+    """Return the keyword arguments of a class by name."""
+    if cls.__init__ is object.__init__:
+        return {}
+    named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    parameters = list(inspect.signature(cls.__init__).parameters.values())[1:]
+    return {parameter.name: parameter for parameter in parameters if parameter.kind in named}
+
+
+def _check(spec: str, backend: Backend) -> None:
+    """Refuse a backend that does not say what it is, before anybody relies on it."""
+    for attribute in ("inputs", "outputs", "limits"):
+        if not isinstance(getattr(backend, attribute, None), Mapping):
+            raise UserError(f"backend {spec}: has no {attribute}; a mapping by name of the signal is wanted")
+    for name in backend.limits:
+        if name not in backend.inputs and name not in backend.outputs:
+            raise UserError(f"backend {spec}: limits of {name}, which is neither an input nor an output")
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())

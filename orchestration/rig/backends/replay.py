@@ -1,0 +1,143 @@
+"""A recorded file behind the interface of a backend: the rig does again what it did, whatever it is told."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from fmus.kit.errors import UserError
+from fmus.kit.units import parse
+from orchestration.records import Record, read_record
+from orchestration.rig.backends.backend import Limit, Steppable
+from orchestration.rig.backends.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, one_of, passed
+
+_LONGEST = 86400.0  # s, of one step
+
+
+class Replay(Steppable):
+    """A record, from its first row.
+
+    Its time starts with the first :meth:`write`, and is real until :meth:`advance` is called for the first time; from
+    then on it is the caller's. Commands are accepted and change nothing.
+
+    Parameters
+    ----------
+    file : str
+        Any file that is read as a record.
+    signals : {"force-driven", "length-driven", "bench"}
+        Names of inputs and outputs, unless these are given.
+    inputs, outputs : str
+        Names with commas between them; one that is not known by name has its SI unit behind it: ``temperature[K]``.
+        Without them all of the signals are inputs, and those that the file has are outputs.
+    at_end : {"hold", "loop", "fail"}
+        What the last row is followed by: itself, the first one, or an error.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or lacks an output, or an option has a value that is not allowed.
+    """
+
+    def __init__(
+        self, file: str, signals: str = "force-driven", inputs: str = "", outputs: str = "", at_end: str = "hold"
+    ) -> None:
+        chosen = SIGNALS[one_of("signals", signals, SIGNALS)]
+        self._at_end = one_of("at_end", at_end, ("hold", "loop", "fail"))
+        self.inputs = _named("inputs", inputs or ",".join(chosen.inputs))
+        wanted = _named("outputs", outputs or ",".join(chosen.outputs))
+        record = read_record(file, wanted, required=list(wanted) if outputs else ())
+        self.outputs = {name: unit for name, unit in wanted.items() if name in record.signals}
+        if not self.outputs:
+            raise UserError(f"{file}: has none of the outputs {', '.join(wanted)}")
+        self.limits: Mapping[str, Limit] = {n: KNOWN_LIMITS[n] for n in self.inputs if n in KNOWN_LIMITS}
+        self._file = file
+        self._times = record.time - record.time[0]
+        self._values = {name: record.signals[name] for name in self.outputs}
+        self._length = _length(record)
+        self._time = 0.0
+        self._since: float | None = None  # of the clock, where time is real
+        self._stepped = False
+
+    def read(self) -> Mapping[str, float]:
+        """Return the row that is held at this time; NaN where the record has a hole.
+
+        Returns
+        -------
+        Mapping of str to float
+
+        Raises
+        ------
+        UserError
+            If the record is at its end and that is to fail.
+        """
+        if self._since is not None:
+            now = time.monotonic()
+            self._time, self._since = self._time + now - self._since, now
+        at = self._time
+        if at >= self._length:
+            if self._at_end == "fail":
+                raise UserError(f"{self._file}: the record is at its end after {self._length:.6g} s")
+            at = math.fmod(at, self._length) if self._at_end == "loop" else at
+        # rounding of many steps must not show the row before
+        row = max(int(np.searchsorted(self._times, at + 1e-9, side="right")) - 1, 0)
+        return {name: float(values[row]) for name, values in self._values.items()}
+
+    def write(self, values: Mapping[str, float]) -> None:
+        """Accept commands, which change nothing.
+
+        Raises
+        ------
+        UserError
+            If one is missing, unknown or not finite.
+        """
+        commands(values, self.inputs)
+        if self._since is None and not self._stepped:
+            self._since = time.monotonic()
+
+    def advance(self, step: float) -> None:
+        """Go on by a step.
+
+        Parameters
+        ----------
+        step : float
+            s, at most a day.
+
+        Raises
+        ------
+        UserError
+            If it is out of range.
+        """
+        self._stepped, self._since = True, None
+        self._time += passed(step, _LONGEST)
+
+    def safe(self) -> None:
+        """Do nothing: a record harms nobody."""
+
+    def close(self) -> None:
+        """Do nothing: the file has been read."""
+
+
+def _named(option: str, text: str) -> dict[str, str]:
+    """Return names and units of ``current,temperature[K]``."""
+    found: dict[str, str] = {}
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        name, bracket, unit = part.partition("[")
+        name, unit = name.strip(), unit.removesuffix("]").strip()
+        if not bracket:
+            if name not in UNITS:
+                raise UserError(f"option {option}: {name} is not known by name; write its SI unit: {name}[K]")
+            unit = UNITS[name]
+        parse(unit)
+        found[name] = unit
+    if not found:
+        raise UserError(f"option {option} = {text!r}: names no signal")
+    return found
+
+
+def _length(record: Record) -> float:
+    """Return how long the record is, its last row held as long as rows usually are."""
+    steps = np.diff(record.time)
+    return float(record.time[-1] - record.time[0] + (np.median(steps) if steps.size else 1.0))

@@ -1,0 +1,134 @@
+"""The signals that a proxy can stand for: names and units of the components, and what the bench of the thesis bears."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration.rig import LIMITS
+from orchestration.rig.backends.backend import Limit
+
+UNITS = {
+    "current": "A", "force": "N", "length_change": "m", "force_reference": "N", "hold": "1",
+    "voltage": "V", "displacement": "m", "electrochemical_displacement": "m", "mechanical_displacement": "m",
+    "charge": "C", "tension": "N", "position": "m", "velocity": "m/s", "coil_current": "A", "coil_voltage": "V",
+    "force_measured": "N", "position_measured": "m",
+}  # fmt: skip
+"""SI unit of every signal that is known by name."""
+
+_STROKE = 12.7e-3  # m, of the voice coil (thesis section 2.2.2)
+_COIL_FORCE = 4.9  # N, that the voice coil bears continuously (thesis section 2.2.2)
+# Commands may step: mean-zero square waves of current and discrete weights are what the thesis drives its actuators
+# with. A length may not, for a step of length is an impact; the coil pulls its stroke in some 0.1 s.
+KNOWN_LIMITS: Mapping[str, Limit] = {
+    "current": Limit(*LIMITS["current"]),
+    "force": Limit(*LIMITS["force"]),
+    "force_reference": Limit(*LIMITS["force"]),
+    "length_change": Limit(-_STROKE, _STROKE, rate=0.1),
+    "hold": Limit(0.0, 1.0),
+    "voltage": Limit(-15.0, 15.0),  # compliance of the galvanostat (thesis table 2-2)
+    "displacement": Limit(-_STROKE, _STROKE),
+    "tension": Limit(-1.0, _COIL_FORCE),
+    "position": Limit(-_STROKE, _STROKE),
+    "force_measured": Limit(-1.0, _COIL_FORCE),
+    "position_measured": Limit(-_STROKE, _STROKE),
+}
+"""Of commands, and of what a measured value may be before the rig is taken to its safe state."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Inputs and outputs of a rig, by name."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+_DISPLACEMENTS = ("electrochemical_displacement", "mechanical_displacement")
+SIGNALS: Mapping[str, Signals] = {
+    "force-driven": Signals(("current", "force"), ("voltage", "displacement", *_DISPLACEMENTS, "charge")),
+    "length-driven": Signals(("current", "length_change"), ("tension", "voltage", *_DISPLACEMENTS, "charge")),
+    "bench": Signals(
+        ("force_reference", "current", "hold"),
+        (
+            "position", "velocity", "coil_current", "coil_voltage", "force_measured", "position_measured", "tension",
+            "voltage", *_DISPLACEMENTS, "charge",
+        ),
+    ),
+}  # fmt: skip
+"""Of the components ``ppy_actuator`` and ``ppy_actuator_length_driven``, and of both members of ``dma_bench``."""
+
+
+def one_of(option: str, value: str, allowed: Mapping[str, object] | tuple[str, ...]) -> str:
+    """Return the value of an option if it is one of those allowed.
+
+    Raises
+    ------
+    UserError
+        If it is not.
+    """
+    if value not in allowed:
+        raise UserError(f"option {option} = {value!r}{suggestion(value, list(allowed))}")
+    return value
+
+
+def integer(option: str, value: str) -> int:
+    """Return the value of an option that is a whole number of at least 0.
+
+    Raises
+    ------
+    UserError
+        If it is not.
+    """
+    if not (value.isascii() and value.isdigit() and len(value) < 19):
+        raise UserError(f"option {option} = {value!r}: must be a whole number of at least 0")
+    return int(value)
+
+
+def seconds(option: str, value: str, most: float) -> float:
+    """Return the value of an option that is a duration above zero, s.
+
+    Raises
+    ------
+    UserError
+        If it is not.
+    """
+    try:
+        duration = float(value)
+    except ValueError:
+        duration = 0.0
+    if not 0 < duration <= most:
+        raise UserError(f"option {option} = {value!r}: must be a number of seconds above 0, at most {most:g}")
+    return duration
+
+
+def commands(values: Mapping[str, float], inputs: Mapping[str, str]) -> dict[str, float]:
+    """Return the value of every input.
+
+    Raises
+    ------
+    UserError
+        If one is missing, is not known, or is not a finite number.
+    """
+    for name in values:
+        if name not in inputs:
+            raise UserError(f"command {name!r}: not an input of this rig{suggestion(name, list(inputs))}")
+    for name in inputs:
+        value = values.get(name)
+        if value is None or not abs(value) < float("inf"):
+            raise UserError(f"command {name} = {'missing' if value is None else value}: must be a finite number")
+    return {name: float(values[name]) for name in inputs}
+
+
+def passed(step: float, most: float) -> float:
+    """Return a step of time if a rig can take it, s.
+
+    Raises
+    ------
+    UserError
+        If it is negative, not finite or longer than the most.
+    """
+    if not 0 <= step <= most:
+        raise UserError(f"step = {step} s: must be from 0 to {most:g} s")
+    return float(step)
