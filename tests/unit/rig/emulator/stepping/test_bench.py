@@ -1,0 +1,84 @@
+"""Claims: the emulated bench is the fused system of the components, which share no code with it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.kit.record.compiled import CompiledModel
+from orchestration.master.reference.fused import fuse
+from orchestration.rig.backends.signals import SIGNALS
+from orchestration.rig.emulator.physics import Physics, RigParameters
+from orchestration.rig.emulator.stepping.bench import BenchPlant
+from orchestration.rig.emulator.stepping.rig import SteppedRig
+from orchestration.system import library
+
+STEP = 0.004  # no divisor of the controller's period
+MEMBERS = {
+    "position": "bench", "velocity": "bench", "coil_current": "bench", "force_measured": "bench",
+    "position_measured": "bench", "tension": "actuator", "electrochemical_displacement": "actuator",
+    "mechanical_displacement": "actuator", "charge": "actuator",
+}  # fmt: skip
+
+
+def bench() -> SteppedRig:
+    return SteppedRig(BenchPlant(Physics(RigParameters())), SIGNALS["bench"].outputs)
+
+
+def test_it_is_the_fused_system_slack_and_saturation_included() -> None:
+    time = STEP * np.arange(301)
+    reference = np.select([time < 0.2, time < 0.6, time < 0.9], [0.0, 2.0, 20.0], 0.5)
+    current = np.where(time < 0.5, 1.3, -1.3)
+    exact = CompiledModel(fuse(library.system("dma_bench"))).run(
+        time, {"force_reference": reference, "current": current}
+    )
+    rig, found = bench(), []
+    for k in range(300):
+        rig.command({"force_reference": reference[k], "current": current[k], "hold": 0.0})
+        rig.advance(STEP)
+        found.append(rig.true())
+    for name, member in MEMBERS.items():
+        expected = exact.signals[f"{member}.{name}"][1:]
+        values = np.array([row[name] for row in found])
+        assert np.abs(values - expected).max() < 1e-5 * np.abs(expected).max(), name
+    tension = np.array([row["tension"] for row in found])
+    assert tension.max() > 5
+    assert (tension == 0).sum() > 10
+    assert max(row["coil_voltage"] for row in found) == 10.0
+
+
+def test_a_long_step_is_many_short_ones() -> None:
+    one, many = bench(), bench()
+    for rig in (one, many):
+        rig.command({"force_reference": 1.5, "current": 0.7, "hold": 0.0})
+    one.advance(0.5)
+    for _ in range(125):
+        many.advance(STEP)
+    for name, value in one.true().items():
+        assert abs(value - many.true()[name]) < 1e-9 * max(abs(value), 1e-4), name
+
+
+def test_it_settles_at_the_force_that_is_wanted_and_hold_freezes_it() -> None:
+    rig = bench()
+    rig.command({"force_reference": 2.0, "current": 0.0, "hold": 0.0})
+    rig.advance(2.0)
+    assert abs(rig.true()["force_measured"] - 2.0) < 1e-3
+    voltage = rig.true()["coil_voltage"]
+    assert abs(voltage - 2.0 * 3.0 / 3.9) < 0.01  # static: F = K V / R
+    rig.command({"force_reference": 2.0, "current": 1.3, "hold": 1.0})
+    rig.advance(0.5)
+    assert abs(rig.true()["coil_voltage"] - voltage) < 0.01 * voltage  # no integral, and hardly an error to follow
+
+
+def test_released_it_has_no_voltage_until_commanded_again() -> None:
+    rig = bench()
+    rig.command({"force_reference": 2.0, "current": 1.0, "hold": 0.0})
+    rig.advance(1.0)
+    rig.release()
+    assert rig.true()["coil_voltage"] == 0.0
+    rig.advance(0.5)
+    released = rig.true()
+    assert released["coil_voltage"] == 0.0
+    assert abs(released["tension"]) < 1e-3
+    rig.command({"force_reference": 1.0, "current": 0.0, "hold": 0.0})
+    rig.advance(1.0)
+    assert abs(rig.true()["force_measured"] - 1.0) < 2e-3
