@@ -145,4 +145,3 @@ class Emulator(Steppable):
 
 def _now() -> int:
     return int(time.monotonic() / _TICK)
-

@@ -55,7 +55,9 @@ class HiddenEffect:
     def __str__(self) -> str:
         if not self.id:
             return "nothing is hidden"
-        values = (f"{n} = {v:.6g}" if isinstance(v, float) else f"{n} = {v}" for n, v in (self.parameters or {}).items())
+        values = (
+            f"{n} = {v:.6g}" if isinstance(v, float) else f"{n} = {v}" for n, v in (self.parameters or {}).items()
+        )
         return f"{self.id}: {', '.join(values)}"
 
 
@@ -93,7 +95,9 @@ def hidden_effect(name: str, seed: int, sensed: Collection[str] = (VOLTAGE, DISP
     variation = CATALOGUE[identity]
     outputs = _outputs(variation, sensed)
     if output not in ("", *outputs) or not outputs:
-        raise ValueError(f"hidden effect {name!r}: here it can be about {', '.join(filter(None, outputs)) or 'nothing'}")
+        raise ValueError(
+            f"hidden effect {name!r}: here it can be about {', '.join(filter(None, outputs)) or 'nothing'}"
+        )
     output = output or outputs[0]
     return HiddenEffect(identity, output, _sized(variation, output, random, SHOWING.get(name, _OTHERWISE)))
 

@@ -16,7 +16,9 @@ from orchestration.rig.emulator.stepping.rig import SteppedRig
 from orchestration.rig.emulator.variations import CATALOGUE
 
 P = RigParameters()
-NAMES = [name + (f".{output}" if output else "") for name, variation in CATALOGUE.items() for output in variation.limits]
+NAMES = [
+    name + (f".{output}" if output else "") for name, variation in CATALOGUE.items() for output in variation.limits
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

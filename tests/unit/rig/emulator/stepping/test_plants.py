@@ -64,7 +64,9 @@ def test_steps_by_force_are_those_of_the_rig_over_a_record(kind: type[Physics]) 
         np.testing.assert_allclose(values[:-1], exact, rtol=1e-6, atol=1e-7 * np.abs(exact).max())
 
 
-@pytest.mark.parametrize("kind", [Physics, DoubleLayer, EvenStrain, LoadDependentVoltage, LoadDependentSpring, SaggingFilm])
+@pytest.mark.parametrize(
+    "kind", [Physics, DoubleLayer, EvenStrain, LoadDependentVoltage, LoadDependentSpring, SaggingFilm]
+)
 def test_steps_by_length_solve_the_laws_slack_included(kind: type[Physics]) -> None:
     physics, step = kind(P), 0.05
     rows = {"current": levels(160, -1.3, 1.3, 20, 1), "length_change": levels(160, -2e-4, 6e-4, 13, 2)}

@@ -1,0 +1,271 @@
+"""Analog inputs and outputs of a National Instruments device, through the driver NI-DAQmx.
+
+Inputs are sampled by the device's own clock where it has one for them, and a read takes the newest sample; otherwise a
+read converts at once. Outputs are written at once: a buffer in front of them would delay commands. Where the device
+has a watchdog timer it takes the outputs to their safe volts if this computer stops; where it has none, `watchdog` says
+so, and the outputs of a computer that has stopped keep what they were.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+
+import nidaqmx
+import numpy as np
+from nidaqmx.constants import (
+    AcquisitionType,
+    OverwriteMode,
+    ReadRelativeTo,
+    TerminalConfiguration,
+    WatchdogAOExpirState,
+)
+from nidaqmx.errors import DaqError, Error
+from nidaqmx.stream_readers import AnalogMultiChannelReader
+from nidaqmx.stream_writers import AnalogMultiChannelWriter
+from nidaqmx.system import Device
+from nidaqmx.system.watchdog import AOExpirationState, WatchdogTask
+
+from fmus.kit.errors import UserError
+from orchestration.rig.backends.backend import Backend, Limit
+from orchestration.rig.backends.signals import commands, one_of, seconds
+from orchestration.rig.calibration import Channel, read_calibration
+
+_TERMINALS = {
+    "default": TerminalConfiguration.DEFAULT,
+    "differential": TerminalConfiguration.DIFF,
+    "referenced": TerminalConfiguration.RSE,
+    "non-referenced": TerminalConfiguration.NRSE,
+}
+_LATER = 2.0  # times the rig's watchdog, after which the device's acts: the rig's has to have failed first
+
+
+class NiDaqmx(Backend):
+    """Channels of a device, as a calibration lists them. Opening it changes no output.
+
+    Parameters
+    ----------
+    calibration : str
+        A file, or the name of one that ships.
+    device : str
+        Its name in NI MAX; channels without a device of their own are its.
+    timing : {"auto", "hardware", "software"}
+        Whether inputs are sampled by the device's clock; auto asks the device.
+    timeout : str
+        s, of every call of the driver that can wait.
+
+    Attributes
+    ----------
+    watchdog : str
+        Which watchdog timer there is, or why there is none.
+    timing : str
+        ``hardware`` or ``software``.
+
+    Raises
+    ------
+    UserError
+        If an option or the calibration is wrong, the driver is not installed, or it refuses.
+    """
+
+    def __init__(
+        self, calibration: str = "thesis", device: str = "Dev1", timing: str = "auto", timeout: str = "1"
+    ) -> None:
+        self._calibration = read_calibration(calibration)
+        self._ins, self._outs = self._calibration.inputs, self._calibration.outputs
+        self._timeout = seconds("timeout", timeout, 10.0)
+        one_of("timing", timing, ("auto", "hardware", "software"))
+        self.inputs = {name: channel.unit for name, channel in self._ins.items()}
+        self.outputs = {name: channel.unit for name, channel in self._outs.items()}
+        self.limits: Mapping[str, Limit] = self._calibration.limits
+        for channel in (*self._ins.values(), *self._outs.values()):
+            if channel.command:
+                raise UserError(f"{calibration}: {channel.name} is a signal of an instrument, not of this device")
+        self._device = Device(device) if "/" not in device else None
+        if self._device is None:
+            raise UserError(f"option device = {device!r}: the name of a device is wanted, such as Dev1")
+        self._name = device
+        self._tasks: list[nidaqmx.Task] = []
+        self._guard: WatchdogTask | None = None
+        self._armed = False
+        self._reader: AnalogMultiChannelReader | None = None
+        self._writer: AnalogMultiChannelWriter | None = None
+        self._samples = np.full(len(self._outs), math.nan)
+        try:
+            with _told(f"{device} cannot be opened"):
+                self.watchdog = self._open_watchdog()  # before other tasks, which keep it from being reserved
+                self._open_outputs()
+                self.timing = self._open_inputs(timing)
+        except BaseException:
+            self.close()
+            raise
+
+    def _place(self, channel: Channel) -> str:
+        return channel.place if "/" in channel.place else f"{self._name}/{channel.place}"
+
+    def _open_watchdog(self) -> str:
+        """Have the device's own timer take the outputs to their safe volts."""
+        if not self._ins:
+            return "none: there are no outputs to guard"
+        after = _LATER * self._calibration.watchdog
+        states = [
+            AOExpirationState(self._place(channel), channel.volts(channel.safe), WatchdogAOExpirState.VOLTAGE)
+            for channel in self._ins.values()
+        ]
+        try:
+            self._guard = WatchdogTask(self._name, timeout=after)
+            self._guard.cfg_watchdog_ao_expir_states(states)
+        except DaqError as error:
+            self._close_guard()
+            return (
+                f"none: {self._name} refuses one ({_line(error)}); its outputs stay as they are if this computer stops"
+            )
+        return f"{self._name} takes its outputs to their safe volts after {after:g} s without a command"
+
+    def _open_outputs(self) -> None:
+        if not self._ins:
+            return
+        task = self._task()
+        for channel in self._ins.values():
+            task.ao_channels.add_ao_voltage_chan(self._place(channel), min_val=channel.low, max_val=channel.high)
+        self._writer = AnalogMultiChannelWriter(task.out_stream, auto_start=True)
+
+    def _open_inputs(self, timing: str) -> str:
+        if not self._outs:
+            return "software"
+        task = self._task()
+        for channel in self._outs.values():
+            task.ai_channels.add_ai_voltage_chan(
+                self._place(channel), terminal_config=_TERMINALS[channel.terminal], min_val=channel.low,
+                max_val=channel.high,
+            )  # fmt: skip
+        self._reader = AnalogMultiChannelReader(task.in_stream)
+        if timing == "auto":
+            assert self._device is not None
+            clocked = AcquisitionType.CONTINUOUS in self._device.ai_samp_modes
+            timing = "hardware" if clocked else "software"
+        if timing == "hardware":
+            rate = self._calibration.rate
+            task.timing.cfg_samp_clk_timing(
+                rate, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=max(round(10 * rate), 1000)
+            )
+            task.in_stream.over_write = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
+            task.in_stream.relative_to = ReadRelativeTo.MOST_RECENT_SAMPLE
+            task.in_stream.offset = -1
+        task.start()
+        return timing
+
+    def _task(self) -> nidaqmx.Task:
+        task = nidaqmx.Task()
+        self._tasks.append(task)
+        return task
+
+    def read(self) -> Mapping[str, float]:
+        """Take the newest sample of every input channel; NaN where its volts make no sense.
+
+        Returns
+        -------
+        Mapping of str to float
+
+        Raises
+        ------
+        UserError
+            If the driver reports an error, or no sample within the timeout.
+        """
+        if self._reader is None:
+            return dict.fromkeys(self.outputs, math.nan)
+        with _told(f"{self._name} cannot be read"):
+            self._reader.read_one_sample(self._samples, self._timeout)
+        return {
+            name: channel.measured(volts)
+            for (name, channel), volts in zip(self._outs.items(), self._samples.tolist(), strict=True)
+        }
+
+    def write(self, values: Mapping[str, float]) -> None:
+        """Put out every command, and reset the device's watchdog timer.
+
+        Raises
+        ------
+        UserError
+            If a command is missing, unknown, not finite or beyond its channel's range, which changes nothing, or the
+            driver reports an error.
+        """
+        checked = commands(values, self.inputs)
+        volts = [channel.volts(checked[name]) for name, channel in self._ins.items()]
+        if self._writer is None:
+            if self._ins:
+                raise UserError(f"{self._name} cannot be written: it is closed, or was reset to reach a safe state")
+            return
+        with _told(f"{self._name} cannot be written"):
+            if self._guard is not None:
+                if self._armed:
+                    self._guard.reset_timer()
+                else:
+                    self._guard.start()
+                    self._armed = True
+            self._writer.write_one_sample(np.array(volts), self._timeout)
+
+    def safe(self) -> None:
+        """Put out the safe value of every command; if the device does not take it, reset the device.
+
+        Raises
+        ------
+        UserError
+            If neither works, or the device had to be reset: it has to be opened again.
+        """
+        if self._writer is None:
+            return
+        volts = np.array([channel.volts(channel.safe) for channel in self._ins.values()])
+        try:
+            with suppress(Error):
+                self._disarm()
+            self._writer.write_one_sample(volts, self._timeout)
+        except Error as error:
+            self.close()
+            assert self._device is not None
+            with _told(f"{self._name} cannot be brought to its safe state"):
+                self._device.reset_device()
+            raise UserError(f"{self._name} was reset, because it did not take safe values: {_line(error)}") from error
+
+    def _disarm(self) -> None:
+        """Stop the device's timer: what it guards against is over, and an expired one refuses values."""
+        if self._guard is None or not self._armed:
+            return
+        self._armed = False
+        if self._guard.expired:
+            self._guard.clear_expiration()
+        self._guard.stop()
+
+    def close(self) -> None:
+        """Let go of the device; its outputs stay as they are."""
+        self._reader = self._writer = None
+        tasks, self._tasks = self._tasks, []
+        for task in tasks:
+            with suppress(Error):
+                task.close()
+        self._close_guard()
+
+    def _close_guard(self) -> None:
+        guard, self._guard = self._guard, None
+        if guard is None:
+            return
+        if self._armed:  # a task that is cleared while it runs may expire
+            with suppress(Error):
+                guard.stop()
+        self._armed = False
+        with suppress(Error):
+            guard.close()
+
+
+@contextmanager
+def _told(what: str) -> Iterator[None]:
+    """Turn an error of the driver into one line."""
+    try:
+        yield
+    except Error as error:
+        raise UserError(f"{what}: {_line(error)}") from error
+
+
+def _line(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text if len(text) <= 300 else text[:297] + "..."

@@ -1,0 +1,206 @@
+"""Bench instruments that understand messages (SCPI), such as a function generator that drives the galvanostat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+
+import pyvisa
+from pyvisa.errors import Error
+from pyvisa.resources import MessageBasedResource
+
+from fmus.kit.errors import UserError
+from orchestration.rig.backends.backend import Backend, Limit
+from orchestration.rig.backends.signals import commands
+from orchestration.rig.calibration import Channel, Instrument, read_calibration
+
+_NO_NUMBER = 9e37  # SCPI answers with 9.9e37 for an overload and 9.91e37 for no number
+_MOST_ERRORS = 20  # that an instrument keeps
+
+
+class Visa(Backend):
+    """Instruments, as a calibration lists them. Opening sends them their setup.
+
+    Parameters
+    ----------
+    calibration : str
+        A file, or the name of one that ships.
+    library : str
+        Of VISA, as pyvisa names it: nothing for the one that is installed, ``@py`` for pyvisa-py.
+
+    Raises
+    ------
+    UserError
+        If the calibration is wrong, or there is no VISA library, or an instrument does not answer or reports an error.
+    """
+
+    def __init__(self, calibration: str = "thesis_generator", library: str = "") -> None:
+        self._calibration = read_calibration(calibration)
+        self._ins, self._outs = self._calibration.inputs, self._calibration.outputs
+        for channel in (*self._ins.values(), *self._outs.values()):
+            if not channel.command:
+                raise UserError(f"{calibration}: {channel.name} is a channel of a device, not of an instrument")
+        self.inputs = {name: channel.unit for name, channel in self._ins.items()}
+        self.outputs = {name: channel.unit for name, channel in self._outs.items()}
+        self.limits: Mapping[str, Limit] = self._calibration.limits
+        self._sessions: dict[str, MessageBasedResource] = {}
+        self._sent: dict[str, str] = {}  # signal -> message that the instrument took last
+        self._manager: pyvisa.ResourceManager | None = None
+        try:
+            self._manager = pyvisa.ResourceManager(library)
+        except Exception as error:  # pyvisa raises ValueError, OSError or its own, depending on what is missing
+            raise UserError(f"no VISA library: {_line(error)}; install one, or write library=@py") from error
+        try:
+            for instrument in self._calibration.instruments.values():
+                self._open(instrument, self._manager)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, instrument: Instrument, manager: pyvisa.ResourceManager) -> None:
+        wait = round(1000 * instrument.timeout)
+        try:
+            session = manager.open_resource(
+                instrument.resource, open_timeout=wait, timeout=wait,
+                read_termination=instrument.termination, write_termination=instrument.termination,
+            )  # fmt: skip
+        except Exception as error:  # of pyvisa, or of whichever library it uses
+            raise UserError(f"{instrument.name} ({instrument.resource}) cannot be opened: {_line(error)}") from error
+        if not isinstance(session, MessageBasedResource):
+            session.close()
+            raise UserError(f"{instrument.name} ({instrument.resource}): understands no messages")
+        self._sessions[instrument.name] = session
+        for message in instrument.setup:
+            self._send(instrument.name, message)
+        self._check(instrument.name)
+
+    def read(self) -> Mapping[str, float]:
+        """Ask every instrument; NaN where an answer makes no sense.
+
+        Returns
+        -------
+        Mapping of str to float
+
+        Raises
+        ------
+        UserError
+            If an instrument does not answer in time, or with something that is no number.
+        """
+        return {name: self._measure(channel) for name, channel in self._outs.items()}
+
+    def _measure(self, channel: Channel) -> float:
+        answer = self._ask(channel.place, channel.command)
+        try:
+            volts = float(answer.split(",")[0])
+        except ValueError as error:
+            raise UserError(
+                f"{channel.place}: answers {answer[:40]!r} to {channel.command}, which is no number"
+            ) from error
+        return math.nan if abs(volts) > _NO_NUMBER else channel.measured(volts)
+
+    def write(self, values: Mapping[str, float]) -> None:
+        """Send every command that has changed, and ask each instrument whether it took it.
+
+        Raises
+        ------
+        UserError
+            If a command is missing, unknown, not finite or beyond its channel's range, which sends nothing, or an
+            instrument refuses one or does not answer.
+        """
+        checked = commands(values, self.inputs)
+        messages = {name: _message(channel, checked[name]) for name, channel in self._ins.items()}
+        self._deliver({name: text for name, text in messages.items() if self._sent.get(name) != text})
+
+    def _deliver(self, messages: Mapping[str, str]) -> None:
+        for name, message in messages.items():
+            place = self._ins[name].place
+            self._sent.pop(name, None)
+            self._send(place, message)
+            self._check(place)
+            self._sent[name] = message
+
+    def safe(self) -> None:
+        """Send every safe value, and what an instrument wants beside it; each instrument has its turn.
+
+        Raises
+        ------
+        UserError
+            If an instrument did not take it, after a second try.
+        """
+        if not self._sessions:
+            return
+        failed: list[UserError] = []
+        for name, channel in self._ins.items():
+            try:
+                self._insist(channel.place, _message(channel, channel.safe))
+                self._sent.pop(name, None)
+            except UserError as error:
+                failed.append(error)
+        for instrument in self._calibration.instruments.values():
+            for message in instrument.safe:
+                try:
+                    self._insist(instrument.name, message)
+                except UserError as error:
+                    failed.append(error)
+        if failed:
+            raise failed[0]
+
+    def _insist(self, place: str, message: str) -> None:
+        """Send a message; if it does not get through, clear the interface and send it again."""
+        try:
+            self._send(place, message)
+            self._check(place)
+        except UserError:
+            with suppress(Exception):  # not every interface can be cleared
+                self._sessions[place].clear()
+            self._send(place, message)
+            self._check(place)
+
+    def close(self) -> None:
+        """Let go of the instruments; they stay as they are."""
+        sessions, self._sessions = self._sessions, {}
+        for session in sessions.values():
+            with suppress(Exception):
+                session.close()
+        manager, self._manager = self._manager, None
+        if manager is not None:
+            with suppress(Exception):
+                manager.close()
+
+    def _session(self, place: str) -> MessageBasedResource:
+        if place not in self._sessions:
+            raise UserError(f"{place}: is closed")
+        return self._sessions[place]
+
+    def _send(self, place: str, message: str) -> None:
+        try:
+            self._session(place).write(message)
+        except (Error, OSError) as error:
+            raise UserError(f"{place}: {message} was not taken: {_line(error)}") from error
+
+    def _ask(self, place: str, message: str) -> str:
+        try:
+            return str(self._session(place).query(message)).strip()
+        except (Error, OSError, UnicodeDecodeError) as error:
+            raise UserError(f"{place}: no answer to {message}: {_line(error)}") from error
+
+    def _check(self, place: str) -> None:
+        """Ask an instrument for its errors until it has none left; the first is told."""
+        query = self._calibration.instruments[place].error
+        first = ""
+        for _ in range(_MOST_ERRORS if query else 0):
+            answer = self._ask(place, query)
+            if answer.lstrip("+-").split(",")[0].strip() == "0":
+                break
+            first = first or answer
+        if first:
+            raise UserError(f"{place}: reports {first[:100]}")
+
+
+def _message(channel: Channel, value: float) -> str:
+    return channel.command.format(volts=channel.volts(value) + 0.0)  # no -0
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300]
