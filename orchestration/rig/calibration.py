@@ -297,4 +297,4 @@ def _limit(table: Table, channel: Channel, is_command: bool) -> Limit:
             able = f"{reach.min:.6g} … {reach.max:.6g} {channel.unit}"
             raise table.wrong(key, f"the range of {channel.place} allows {able} only")
     table.finish()
-    return Limit(*bounds, rate)
+    return Limit(bounds[0], bounds[1], rate)

@@ -1,4 +1,4 @@
-"""Values out of a TOML file that somebody wrote by hand: each is there and of its kind, or one line says what is not."""
+"""Values out of a TOML file written by hand: each is there and of its kind, or one line says what is not."""
 
 from __future__ import annotations
 

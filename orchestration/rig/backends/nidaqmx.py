@@ -18,6 +18,7 @@ from nidaqmx.constants import (
     AcquisitionType,
     OverwriteMode,
     ReadRelativeTo,
+    TaskMode,
     TerminalConfiguration,
     WatchdogAOExpirState,
 )
@@ -81,8 +82,7 @@ class NiDaqmx(Backend):
         for channel in (*self._ins.values(), *self._outs.values()):
             if channel.command:
                 raise UserError(f"{calibration}: {channel.name} is a signal of an instrument, not of this device")
-        self._device = Device(device) if "/" not in device else None
-        if self._device is None:
+        if not device or "/" in device:
             raise UserError(f"option device = {device!r}: the name of a device is wanted, such as Dev1")
         self._name = device
         self._tasks: list[nidaqmx.Task] = []
@@ -93,6 +93,7 @@ class NiDaqmx(Backend):
         self._samples = np.full(len(self._outs), math.nan)
         try:
             with _told(f"{device} cannot be opened"):
+                self._device = Device(device)
                 self.watchdog = self._open_watchdog()  # before other tasks, which keep it from being reserved
                 self._open_outputs()
                 self.timing = self._open_inputs(timing)
@@ -115,6 +116,7 @@ class NiDaqmx(Backend):
         try:
             self._guard = WatchdogTask(self._name, timeout=after)
             self._guard.cfg_watchdog_ao_expir_states(states)
+            self._guard.control(TaskMode.TASK_VERIFY)  # what the device cannot do, it says now
         except DaqError as error:
             self._close_guard()
             return (
@@ -141,7 +143,6 @@ class NiDaqmx(Backend):
             )  # fmt: skip
         self._reader = AnalogMultiChannelReader(task.in_stream)
         if timing == "auto":
-            assert self._device is not None
             clocked = AcquisitionType.CONTINUOUS in self._device.ai_samp_modes
             timing = "hardware" if clocked else "software"
         if timing == "hardware":
@@ -149,7 +150,7 @@ class NiDaqmx(Backend):
             task.timing.cfg_samp_clk_timing(
                 rate, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=max(round(10 * rate), 1000)
             )
-            task.in_stream.over_write = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
+            task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
             task.in_stream.relative_to = ReadRelativeTo.MOST_RECENT_SAMPLE
             task.in_stream.offset = -1
         task.start()
@@ -222,7 +223,6 @@ class NiDaqmx(Backend):
             self._writer.write_one_sample(volts, self._timeout)
         except Error as error:
             self.close()
-            assert self._device is not None
             with _told(f"{self._name} cannot be brought to its safe state"):
                 self._device.reset_device()
             raise UserError(f"{self._name} was reset, because it did not take safe values: {_line(error)}") from error

@@ -82,7 +82,7 @@ def backend_class(spec: str) -> type[Backend]:
         if inspect.isabstract(cls):
             missing = ", ".join(sorted(cls.__abstractmethods__))
             raise UserError(f"{path}: {name} is no backend yet: it lacks {missing}")
-        return cls  # type: ignore[no-any-return]
+        return cls
     if spec not in BACKENDS:
         raise UserError(f"no backend {spec!r}{suggestion(spec, [*BACKENDS, 'path/to/file.py:Class'])}")
     module, name = BACKENDS[spec].split(":")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -180,9 +181,12 @@ class Visa(Backend):
             raise UserError(f"{place}: {message} was not taken: {_line(error)}") from error
 
     def _ask(self, place: str, message: str) -> str:
+        session = self._session(place)
         try:
-            return str(self._session(place).query(message)).strip()
-        except (Error, OSError, UnicodeDecodeError) as error:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # pyvisa only warns of an answer that is cut off
+                return str(session.query(message)).strip()
+        except (Error, OSError, UnicodeDecodeError, UserWarning) as error:
             raise UserError(f"{place}: no answer to {message}: {_line(error)}") from error
 
     def _check(self, place: str) -> None:

@@ -50,7 +50,7 @@ class HiddenEffect:
         if not self.id:
             return Physics(specimen)
         kind = in_time(CATALOGUE[self.id].physics)
-        return kind(specimen, **(self.parameters or {}))  # type: ignore[arg-type]
+        return kind(specimen, **(self.parameters or {}))
 
     def __str__(self) -> str:
         if not self.id:

@@ -26,8 +26,8 @@ class Plant(Protocol):
         Number of states.
     """
 
+    inputs: ClassVar[tuple[str, ...]]
     physics: Physics
-    inputs: tuple[str, ...]
     order: int
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
