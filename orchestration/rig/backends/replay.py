@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.kit.errors import UserError
 from fmus.kit.units import parse
-from orchestration.records import Record, read_record
+from orchestration.records import Record, parse_mapping, read_record
 from orchestration.rig.backends.backend import Limit, Steppable
 from orchestration.rig.backends.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, one_of, passed
 
@@ -34,6 +34,8 @@ class Replay(Steppable):
         Without them all of the signals are inputs, and those that the file has are outputs.
     at_end : {"hold", "loop", "fail"}
         What the last row is followed by: itself, the first one, or an error.
+    map : str
+        ``column=signal`` with commas between them, for columns that have other names.
 
     Raises
     ------
@@ -42,13 +44,15 @@ class Replay(Steppable):
     """
 
     def __init__(
-        self, file: str, signals: str = "force-driven", inputs: str = "", outputs: str = "", at_end: str = "hold"
-    ) -> None:
+        self, file: str, signals: str = "force-driven", inputs: str = "", outputs: str = "", at_end: str = "hold",
+        map: str = "",
+    ) -> None:  # fmt: skip
         chosen = SIGNALS[one_of("signals", signals, SIGNALS)]
         self._at_end = one_of("at_end", at_end, ("hold", "loop", "fail"))
         self.inputs = _named("inputs", inputs or ",".join(chosen.inputs))
         wanted = _named("outputs", outputs or ",".join(chosen.outputs))
-        record = read_record(file, wanted, required=list(wanted) if outputs else ())
+        columns = parse_mapping([part for part in map.split(",") if part.strip()])
+        record = read_record(file, self.inputs | wanted, mapping=columns, required=list(wanted) if outputs else ())
         self.outputs = {name: unit for name, unit in wanted.items() if name in record.signals}
         if not self.outputs:
             raise UserError(f"{file}: has none of the outputs {', '.join(wanted)}")

@@ -86,7 +86,7 @@ def test_an_error_that_the_instrument_reports_is_told(rig: Backend) -> None:
 
 def test_what_is_beyond_the_range_is_not_sent(rig: Backend) -> None:
     rig.write({"current": 0.5})
-    with pytest.raises(UserError, match="current = 1.5 A needs 1.5 V at generator; its range is -1.3 … 1.3 V"):
+    with pytest.raises(UserError, match=r"current = 1.5 A needs 1.5 V at generator; its range is -1.3 … 1.3 V"):
         rig.write({"current": 1.5})
     assert offset(rig) == 0.5
 
@@ -141,7 +141,7 @@ def test_a_calibration_of_a_device_is_not_one_of_instruments() -> None:
 
 
 def test_without_a_library_it_says_so() -> None:
-    with pytest.raises(UserError, match="backend visa: no VISA library: .*library=@py"):
+    with pytest.raises(UserError, match=r"backend visa: no VISA library: .*library=@py"):
         open_backend("visa", {"library": "/nowhere/libvisa.so"})
 
 

@@ -1,0 +1,142 @@
+"""Claims: a backend is opened by its name or file, and whatever is wrong is told in a line."""
+
+from __future__ import annotations
+
+import builtins
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fmus import component
+from fmus.kit.errors import UserError
+from orchestration.rig.backends import signals
+from orchestration.rig.backends.backend import Steppable
+from orchestration.rig.backends.registry import BACKENDS, backend_class, open_backend
+
+OWN = """
+from orchestration.rig.backends.backend import Backend, Limit
+
+
+class Lamp(Backend):
+    closed = 0
+
+    def __init__(self, bulb: str, colour: str = "red"):
+        if bulb == "broken":
+            raise OSError("no\\nlight")
+        self.inputs, self.outputs, self.limits = {"power": "W"}, {"light": "lm"}, {"power": Limit(0.0, 5.0)}
+        if bulb == "vague":
+            del self.limits
+        if bulb == "odd":
+            self.limits = {"heat": Limit()}
+
+    def read(self):
+        return {"light": 0.0}
+
+    def write(self, values):
+        pass
+
+    def safe(self):
+        pass
+
+    def close(self):
+        Lamp.closed += 1
+
+
+class Half(Backend):
+    def read(self):
+        return {}
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> str:
+    path = tmp_path / "lamps.py"
+    path.write_text(OWN, encoding="utf-8")
+    return str(path)
+
+
+def test_one_of_ones_own_is_opened_by_its_file(own: str) -> None:
+    lamp = open_backend(f"{own}:Lamp", {"bulb": "new"})
+    assert dict(lamp.inputs) == {"power": "W"}
+    lamp.close()
+
+
+@pytest.mark.parametrize(
+    ("cls", "options", "message"),
+    [
+        ("Lamp", {}, "option bulb is missing; write bulb=..."),
+        ("Lamp", {"bulb": "new", "color": "red"}, "no option 'color' (did you mean colour?)"),
+        ("Lamp", {"bulb": "broken"}, "cannot be opened: OSError: no light"),
+        ("Lamp", {"bulb": "vague"}, "has no limits; a mapping by name of the signal is wanted"),
+        ("Lamp", {"bulb": "odd"}, "limits of heat, which is neither an input nor an output"),
+        ("Half", {}, "Half is no backend yet: it lacks close, safe, write"),
+        ("Limit", {}, "Limit is not a Backend"),
+        ("Lmp", {}, "there is no class 'Lmp' in it (did you mean Lamp?)"),
+    ],
+)
+def test_what_is_wrong_with_ones_own_is_told(own: str, cls: str, options: dict[str, str], message: str) -> None:
+    with pytest.raises(UserError) as caught:
+        open_backend(f"{own}:{cls}", options)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_backend_that_is_refused_is_closed(own: str) -> None:
+    before = backend_class(f"{own}:Lamp").closed  # type: ignore[attr-defined]
+    with pytest.raises(UserError):
+        open_backend(f"{own}:Lamp", {"bulb": "odd"})
+    assert backend_class(f"{own}:Lamp").closed == before + 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("emulater", "no backend 'emulater' (did you mean emulator?)"),
+        ("nothing.py:X", "nothing.py: cannot be read: No such file or directory"),
+        ("", "no backend ''"),
+    ],
+)
+def test_what_is_no_backend_is_told(spec: str, message: str) -> None:
+    with pytest.raises(UserError) as caught:
+        open_backend(spec, {})
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("spec", "library", "extra"), [("nidaqmx", "nidaqmx", "nidaqmx"), ("visa", "pyvisa", "visa")])
+def test_a_library_that_is_not_installed_is_named(
+    monkeypatch: pytest.MonkeyPatch, spec: str, library: str, extra: str
+) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *arguments: Any, **named: Any) -> Any:
+        if name.partition(".")[0] == library:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real(name, *arguments, **named)
+
+    monkeypatch.delitem(sys.modules, f"orchestration.rig.backends.{spec}", raising=False)
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(UserError, match=rf"^backend {spec}: .*pip install 'ppy-rig\[{extra}\]'$"):
+        open_backend(spec, {})
+
+
+def test_those_that_step_are_the_emulator_and_replay() -> None:
+    assert [name for name in BACKENDS if issubclass(backend_class(name), Steppable)] == ["emulator", "replay"]
+
+
+@pytest.mark.parametrize(
+    ("name", "components", "connected"),
+    [
+        ("force-driven", ["ppy_actuator"], set()),
+        ("length-driven", ["ppy_actuator_length_driven"], set()),
+        ("bench", ["voice_coil_dma", "ppy_actuator_length_driven"], {"tension", "length_change"}),
+    ],
+)
+def test_signals_are_those_of_the_components(name: str, components: list[str], connected: set[str]) -> None:
+    chosen, layouts = signals.SIGNALS[name], [component(c).layout for c in components]
+    inputs = {v.name: v.unit for layout in layouts for v in layout.inputs if v.name not in connected}
+    outputs = {v.name: v.unit for layout in layouts for v in layout.outputs}
+    outputs |= {v.name: v.unit for layout in layouts for v in layout.states if v.output}
+    assert {n: signals.UNITS[n] for n in chosen.inputs} == inputs
+    assert {n: signals.UNITS[n] for n in chosen.outputs} == outputs

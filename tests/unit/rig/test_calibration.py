@@ -1,0 +1,223 @@
+"""Claims: volts and values go to and fro without loss; what is wrong in a file is told in one line."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmus.kit.errors import UserError
+from orchestration.rig.calibration import Calibration, Channel, presets, read_calibration
+
+GOOD = """
+[rig]
+rate = 30
+watchdog = 0.2
+
+[inputs.current]
+channel = "ao1"
+gain = 0.5
+offset = 0.1
+unit = "A"
+range = [-2, 2.5]
+date = 2007-05-01
+
+[outputs.displacement]
+channel = "ai1"
+gain = 5.08
+offset = -1.0
+sign = -1
+unit = "mm"
+range = [0, 10]
+date = 2007-05-01
+source = "gauge blocks"
+
+[outputs.temperature]
+channel = "ai2"
+gain = 10.0
+unit = "degC"
+si = "K"
+range = [0, 10]
+date = 2007-05-01
+
+[limits.current]
+min = -800
+max = 800
+rate = 5000
+unit = "mA"
+
+[limits.displacement]
+max = 10
+unit = "mm"
+"""
+
+
+def read(folder: Path, text: str) -> Calibration:
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_calibration(str(path))
+
+
+def test_volts_become_si(tmp_path: Path) -> None:
+    rig = read(tmp_path, GOOD)
+    assert rig.inputs["current"].volts(0.6) == pytest.approx(1.0)  # 0.5 * 1 + 0.1
+    assert rig.outputs["displacement"].measured(2.0) == pytest.approx(-9.16e-3)  # -(5.08 * 2 - 1) mm
+    assert rig.outputs["temperature"].measured(2.0) == pytest.approx(293.15)  # 20 degC
+    assert {name: channel.unit for name, channel in rig.outputs.items()} == {"displacement": "m", "temperature": "K"}
+    assert (rig.limits["current"].min, rig.limits["current"].max, rig.limits["current"].rate) == (-0.8, 0.8, 5.0)
+    displacement = rig.limits["displacement"]
+    assert (displacement.min, displacement.max, displacement.rate) == (-math.inf, 0.01, math.inf)
+    assert "temperature" not in rig.limits
+    assert (rig.rate, rig.watchdog) == (30.0, 0.2)
+    assert rig.outputs["displacement"].source == "gauge blocks"
+    assert rig.outputs["displacement"].date.isoformat() == "2007-05-01"
+
+
+def test_volts_that_make_no_sense_are_no_value(tmp_path: Path) -> None:
+    channel = read(tmp_path, GOOD).outputs["displacement"]
+    assert [math.isnan(channel.measured(v)) for v in (-0.001, 0.0, 10.0, 10.001, math.nan, math.inf)] == [
+        True, False, False, True, True, True,
+    ]  # fmt: skip
+
+
+def test_a_command_beyond_the_range_is_refused(tmp_path: Path) -> None:
+    channel = read(tmp_path, GOOD).inputs["current"]
+    assert channel.volts(1.35) == 2.5
+    for value in (1.36, -0.91, math.nan, math.inf):
+        with pytest.raises(UserError, match=r"current = .* A needs .* V at ao1; its range is -2 … 2.5 V"):
+            channel.volts(value)
+
+
+def test_without_limits_those_of_the_range_hold(tmp_path: Path) -> None:
+    limit = read(tmp_path, GOOD.split("[limits")[0]).limits["current"]
+    assert (limit.min, limit.max) == pytest.approx((-0.9, 1.35))
+
+
+@st.composite
+def channels(draw: st.DrawFn) -> Channel:
+    import datetime
+
+    size = st.floats(1e-3, 1e3)
+    low = draw(st.floats(-10, 9))
+    return Channel(
+        "x", "m", "ai0", "", "default", draw(size) * draw(st.sampled_from([-1, 1])), draw(st.floats(-10, 10)),
+        draw(st.sampled_from([-1, 1])), low, low + draw(st.floats(0.1, 10)), 0.0,
+        draw(st.sampled_from([1.0, 1e-3, 1e-6, 4.4482216])), draw(st.sampled_from([0.0, 273.15])),
+        datetime.date(2007, 5, 1), "",
+    )  # fmt: skip
+
+
+@given(channels(), st.floats(0, 1))
+def test_there_and_back(channel: Channel, share: float) -> None:
+    volts = min(channel.low + share * (channel.high - channel.low), channel.high)
+    value = channel.measured(volts)
+    # a large offset beside a small gain, as of kelvins, costs digits
+    digits = 4e-16 * (abs(value) + abs(channel.zero) + abs(channel.factor * channel.offset))
+    room = digits / abs(channel.gain * channel.factor)
+    limit = channel.reachable()
+    assert limit.min - digits <= value <= limit.max + digits
+    if room < 1e-10 * (channel.high - channel.low):
+        assert channel.volts(value) == pytest.approx(volts, rel=1e-12, abs=1e-12 + 8 * room)
+
+
+CURRENT = "[inputs.current]\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("rate = 30\n", "", "[rig] rate is missing: a finite number above 0 is wanted"),
+        ("rate = 30\n", "rate = 0\n", "[rig] rate = 0: a finite number above 0 is wanted"),
+        ("watchdog = 0.2", "watchdog = true", "[rig] watchdog = True: a finite number above 0 is wanted"),
+        ("rate = 30\n", "rate = 30\nrte = 3\n", "[rig] rte = 3: there is no such key (did you mean rate?)"),
+        ("gain = 0.5", 'gain = "0.5"', "[inputs.current] gain = '0.5': a finite number is wanted"),
+        ("gain = 0.5", "gain = 0", "[inputs.current] gain = 0: must not be zero"),
+        ("gain = 0.5", "gain = nan", "[inputs.current] gain = nan: a finite number is wanted"),
+        ("gain = 0.5\n", "", "[inputs.current] gain is missing: a finite number is wanted"),
+        ("range = [-2, 2.5]", "range = [2, -2]",
+         "[inputs.current] range = [2, -2]: [low, high] of two finite numbers is wanted, the lower one first"),
+        ("sign = -1", "sign = 2", "[outputs.displacement] sign = 2: allowed are 1, -1"),
+        ('unit = "A"\nrange', 'unit = "mm"\nrange',
+         "[inputs.current] unit = 'mm': current: unit 'mm' cannot be converted"),
+        ('unit = "A"\nrange', 'unit = "amper"\nrange', "[inputs.current] unit = 'amper': unknown unit 'amper'"),
+        ('si = "K"\n', "", "[outputs.temperature] unit = 'degC': temperature is not known by name"),
+        ("date = 2007-05-01\n\n[outputs.dis", 'date = "May"\n\n[outputs.dis',
+         "[inputs.current] date = 'May': a date is wanted, such as 2007-05-01"),
+        ('channel = "ao1"', "channel = 1", "[inputs.current] channel = 1: a text is wanted"),
+        ('channel = "ao1"', 'instrument = "dmm"', "[inputs.current] instrument = 'dmm': there is no [instruments.dmm]"),
+        ('channel = "ai1"', 'channel = "ai1"\nterminal = "rse"',
+         "[outputs.displacement] terminal = 'rse': allowed are 'default', 'differential', 'referenced'"),
+        ("[limits.current]", "[limits.curent]", "[limits.curent]: no such signal (did you mean current?)"),
+        ("max = 800", "max = 1400", "[limits.current] max = 1400: the range of ao1 allows -0.9 … 1.35 A only"),
+        ("max = 800", "max = -900", "[limits.current] max = -900: the lower limit must be below the upper one"),
+        ('rate = 5000\nunit = "mA"', 'rate = 0\nunit = "mA"', "[limits.current] rate = 0: a finite number above 0"),
+        ("max = 800", "maxi = 800", "[limits.current] maxi = 800: there is no such key (did you mean max?)"),
+        ("[outputs.temperature]", "[outputs.current]", "[outputs.current]: is an input, too"),
+        ("offset = 0.1", "offset = 0.1\nsafe = 0.9", "[inputs.current] safe = 0.9 A: is beyond its limits"),
+        ("[rig]", "[rig", "rig.toml: "),
+        ("[rig]", "[ring]", "[rig] rate is missing"),
+        ("[rig]\n", "inputs = 3\n[rig]\n", "rig.toml: "),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_in_a_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in GOOD
+    with pytest.raises(UserError) as caught:
+        read(tmp_path, GOOD.replace(old, new, 1))
+    assert message in str(caught.value)
+    assert str(caught.value).startswith(str(tmp_path / "rig.toml"))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("message", "wrong"),
+    [
+        ('write = "VOLT {volts:.3f}"', ""),
+        ('write = "VOLT 3"', "[inputs.current] write = 'VOLT 3': a message is wanted with {volts}"),
+        ('write = "VOLT {ampere}"', "[inputs.current] write = 'VOLT {ampere}': a message is wanted with {volts}"),
+        ('write = "VOLT {volts:y}"', "a message is wanted with {volts}"),
+        ("", "[inputs.current] write is missing: a text is wanted"),
+    ],
+)
+def test_messages_of_instruments_have_a_place_for_the_number(tmp_path: Path, message: str, wrong: str) -> None:
+    text = GOOD.replace('channel = "ao1"', f'instrument = "generator"\n{message}')
+    text += '\n[instruments.generator]\nresource = "GPIB0::1::INSTR"\n'
+    if not wrong:
+        assert read(tmp_path, text).inputs["current"].command == "VOLT {volts:.3f}"
+        return
+    with pytest.raises(UserError) as caught:
+        read(tmp_path, text)
+    assert wrong in str(caught.value)
+
+
+def test_a_timeout_that_would_hold_up_the_rig_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"\[instruments.dmm\] timeout = 60: at most 5 s"):
+        read(tmp_path, GOOD + '\n[instruments.dmm]\nresource = "GPIB0::1::INSTR"\ntimeout = 60\n')
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"thesi: no such calibration file or preset \(did you mean thesis\?\)"):
+        read_calibration("thesi")
+    (tmp_path / "rig.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(UserError, match="not a text in UTF-8"):
+        read_calibration(str(tmp_path / "rig.toml"))
+
+
+@pytest.mark.parametrize("name", presets())
+def test_presets_say_where_every_factor_is_from(name: str) -> None:
+    rig = read_calibration(name)
+    channels = (*rig.inputs.values(), *rig.outputs.values())
+    assert all("section" in c.source or "assumed" in c.source for c in channels)
+    assert (rig.limits["current"].min, rig.limits["current"].max) == (-1.3, 1.3)  # table 2-2
+
+
+def test_the_presets_sensors_resolve_what_the_thesis_says() -> None:
+    """One count of a converter of 16 bits over ±10 V: smaller than 0.001 N and 0.003 mm (section 2.2.2)."""
+    count, rig = 20.0 / 2**16, read_calibration("thesis")
+    assert count * rig.outputs["force_measured"].gain < 0.001
+    assert count * rig.outputs["displacement"].gain < 0.003  # mm
+    assert rig.rate == 30.0
+    assert rig.outputs["force_measured"].measured(44.5 / 2.225 / 2) == pytest.approx(22.25)
+    assert rig.outputs["displacement"].reachable().max == pytest.approx(50.8e-3)
