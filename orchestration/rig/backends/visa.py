@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
@@ -16,7 +15,6 @@ from orchestration.rig.backends.backend import Backend, Limit
 from orchestration.rig.backends.signals import commands
 from orchestration.rig.calibration import Channel, Instrument, read_calibration
 
-_NO_NUMBER = 9e37  # SCPI answers with 9.9e37 for an overload and 9.91e37 for no number
 _MOST_ERRORS = 20  # that an instrument keeps
 
 
@@ -98,7 +96,7 @@ class Visa(Backend):
             raise UserError(
                 f"{channel.place}: answers {answer[:40]!r} to {channel.command}, which is no number"
             ) from error
-        return math.nan if abs(volts) > _NO_NUMBER else channel.measured(volts)
+        return channel.measured(volts)  # an overload, 9.9e37 in SCPI, is beyond any range
 
     def write(self, values: Mapping[str, float]) -> None:
         """Send every command that has changed, and ask each instrument whether it took it.

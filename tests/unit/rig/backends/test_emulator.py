@@ -67,6 +67,18 @@ def test_a_seed_changes_noise_specimen_and_hidden_effect() -> None:
     assert Emulator().tell() == "nothing is hidden"
 
 
+def test_every_sample_has_noise_of_its_own() -> None:
+    rig, values = Emulator(seed="3"), []
+    for _ in range(400):
+        rig.write({"current": 0.0, "force": 0.0})  # at rest, so that all there is is noise
+        rig.advance(1 / 30)
+        values.append([rig.read()[name] for name in ("voltage", "displacement", "charge")])
+    voltage, displacement, charge = np.std(values, axis=0)
+    assert voltage == pytest.approx(4e-3, rel=4 / np.sqrt(2 * 400))
+    assert displacement == pytest.approx(3e-6, rel=4 / np.sqrt(2 * 400))
+    assert charge == 0.0  # nobody measures it
+
+
 def test_in_real_time_it_goes_on_by_itself() -> None:
     rig = Emulator(noise="off")
     rig.read()

@@ -84,6 +84,15 @@ def test_an_error_that_the_instrument_reports_is_told(rig: Backend) -> None:
     assert offset(rig) == -1.0
 
 
+def test_old_errors_are_told_once_and_then_gone(rig: Backend) -> None:
+    for message in ("NONSENSE", "MORE NONSENSE"):
+        rig._sessions["generator"].write(message)  # type: ignore[attr-defined]
+    with pytest.raises(UserError, match="generator: reports -113"):
+        rig.write({"current": 0.25})
+    rig.write({"current": 0.5})
+    assert offset(rig) == 0.5
+
+
 def test_what_is_beyond_the_range_is_not_sent(rig: Backend) -> None:
     rig.write({"current": 0.5})
     with pytest.raises(UserError, match=r"current = 1.5 A needs 1.5 V at generator; its range is -1.3 … 1.3 V"):
@@ -106,6 +115,7 @@ def test_an_answer_that_is_no_number_is_told(tmp_path: Path) -> None:
 
 def test_an_instrument_that_does_not_answer_is_waited_for_no_longer_than_its_timeout(tmp_path: Path) -> None:
     rig = opened(changed(tmp_path, ("READ?", "SILENT?"), ("timeout = 1.0", "timeout = 0.2")))
+    assert rig._sessions["multimeter"].timeout == 200  # type: ignore[attr-defined]
     began = time.monotonic()
     with pytest.raises(UserError, match=r"multimeter: no answer to SILENT\?: VI_ERROR_TMO"):
         rig.read()
