@@ -10,7 +10,7 @@ from orchestration.rig import LIMITS
 from orchestration.rig.backends.backend import Limit
 
 UNITS = {
-    "current": "A", "force": "N", "length_change": "m", "force_reference": "N", "hold": "1",
+    "current": "A", "force": "N", "length_change": "m", "force_reference": "N",
     "voltage": "V", "displacement": "m", "electrochemical_displacement": "m", "mechanical_displacement": "m",
     "charge": "C", "tension": "N", "position": "m", "velocity": "m/s", "coil_current": "A", "coil_voltage": "V",
     "force_measured": "N", "position_measured": "m",
@@ -26,7 +26,6 @@ KNOWN_LIMITS: Mapping[str, Limit] = {
     "force": Limit(*LIMITS["force"]),
     "force_reference": Limit(*LIMITS["force"]),
     "length_change": Limit(-_STROKE, _STROKE, rate=0.1),
-    "hold": Limit(0.0, 1.0),
     "voltage": Limit(-15.0, 15.0),  # compliance of the galvanostat (thesis table 2-2)
     "displacement": Limit(-_STROKE, _STROKE),
     "tension": Limit(-1.0, _COIL_FORCE),
@@ -50,14 +49,14 @@ SIGNALS: Mapping[str, Signals] = {
     "force-driven": Signals(("current", "force"), ("voltage", "displacement", *_DISPLACEMENTS, "charge")),
     "length-driven": Signals(("current", "length_change"), ("tension", "voltage", *_DISPLACEMENTS, "charge")),
     "bench": Signals(
-        ("force_reference", "current", "hold"),
+        ("force_reference", "current"),
         (
             "position", "velocity", "coil_current", "coil_voltage", "force_measured", "position_measured", "tension",
             "voltage", *_DISPLACEMENTS, "charge",
         ),
     ),
 }  # fmt: skip
-"""Of the components ``ppy_actuator`` and ``ppy_actuator_length_driven``, and of both members of ``dma_bench``."""
+"""Of ``ppy_actuator`` and ``ppy_actuator_length_driven``; inputs of ``dma_bench`` and outputs of both its members."""
 
 
 def one_of(option: str, value: str, allowed: Mapping[str, object] | tuple[str, ...]) -> str:

@@ -43,7 +43,7 @@ class BenchPlant:
     coil : Coil
     """
 
-    inputs: ClassVar[tuple[str, ...]] = ("force_reference", "current", "hold")
+    inputs: ClassVar[tuple[str, ...]] = ("force_reference", "current")
 
     def __init__(self, physics: Physics, coil: Coil | None = None):
         self.physics, self.coil = physics, coil or Coil()
@@ -63,18 +63,17 @@ class BenchPlant:
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
         """Let the controller act where a sample is due; hold current (A) and coil voltage (V)."""
-        reference, current, frozen = commands
+        reference, current = commands
         if time >= self._samples * self.coil.sampling - _SAME:
             self._samples += 1
             if not self.released:
-                self._control(reference - state[self.physics.order + 3], frozen != 0)
+                self._control(reference - state[self.physics.order + 3])
         return np.array([current, self.voltage])
 
-    def _control(self, error: float, frozen: bool) -> None:
-        """Apply eq. 2.2, or on hold its proportional part alone; limited before it is remembered."""
-        now, before = self.coil.gains
-        step = 0.5 * (now - before) * (error - self._error) if frozen else now * error + before * self._error
-        low, high = self.coil.supply
+    def _control(self, error: float) -> None:
+        """Apply eq. 2.2; limited before it is remembered."""
+        (now, before), (low, high) = self.coil.gains, self.coil.supply
+        step = now * error + before * self._error
         self.voltage, self._error = min(max(self.voltage + step, low), high), error
 
     def longest(self, time: float) -> float:

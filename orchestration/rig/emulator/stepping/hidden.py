@@ -13,8 +13,8 @@ from orchestration.rig.emulator.variations import CATALOGUE, DISPLACEMENT, VOLTA
 
 # Shares of the largest plausible size, from which the size of an effect is drawn. With them a record of 45 s at 30 Hz
 # under levels of current and load that change every few seconds leaves more than the noise when the model without the
-# effect is refitted (tests/unit/rig/emulator/stepping/test_hidden.py). Of those not listed most need longer records; lags
-# of sensor and strain show at once, but here they have two stages, and at 30 Hz what the second one leaves shows, too.
+# effect is refitted (tests/unit/rig/emulator/stepping/test_hidden.py). Of those not listed most need longer records;
+# lags of sensor and strain show at once, but here they have two stages, and at 30 Hz what the second leaves shows, too.
 SHOWING: dict[str, tuple[float, float]] = {
     "double_layer": (0.1, 0.4),
     "charge_dependent_capacitance": (0.3, 0.8),

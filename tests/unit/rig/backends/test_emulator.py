@@ -19,7 +19,7 @@ P = RigParameters()
 
 def commands(rig: Emulator, k: int) -> dict[str, float]:
     values = {"current": np.sin(k / 5), "force": 1 + np.cos(k / 9), "length_change": 1e-4 * np.cos(k / 9)}
-    values |= {"force_reference": 1 + np.cos(k / 9), "hold": 0.0}
+    values |= {"force_reference": 1 + np.cos(k / 9)}
     return {name: float(values[name]) for name in rig.inputs}
 
 

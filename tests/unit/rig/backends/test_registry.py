@@ -130,7 +130,7 @@ def test_those_that_step_are_the_emulator_and_replay() -> None:
     [
         ("force-driven", ["ppy_actuator"], set()),
         ("length-driven", ["ppy_actuator_length_driven"], set()),
-        ("bench", ["voice_coil_dma", "ppy_actuator_length_driven"], {"tension", "length_change"}),
+        ("bench", ["voice_coil_dma", "ppy_actuator_length_driven"], {"tension", "length_change", "hold"}),
     ],
 )
 def test_signals_are_those_of_the_components(name: str, components: list[str], connected: set[str]) -> None:
@@ -140,3 +140,16 @@ def test_signals_are_those_of_the_components(name: str, components: list[str], c
     outputs |= {v.name: v.unit for layout in layouts for v in layout.states if v.output}
     assert {n: signals.UNITS[n] for n in chosen.inputs} == inputs
     assert {n: signals.UNITS[n] for n in chosen.outputs} == outputs
+
+
+@pytest.mark.parametrize(
+    ("name", "proxy"),
+    [("force-driven", "rig_proxy"), ("length-driven", "rig_proxy_length_driven"), ("bench", "rig_proxy_bench")],
+)
+def test_the_proxies_that_ship_find_their_signals(name: str, proxy: str) -> None:
+    """A proxy commands every input of a rig, and asks for what the rig has, in the rig's units."""
+    chosen, layout = signals.SIGNALS[name], component(proxy).layout
+    assert {v.name: v.unit for v in layout.inputs} == {n: signals.UNITS[n] for n in chosen.inputs}
+    measured = {v.name: v.unit for v in layout.outputs if f"{v.name}_age" in layout.names}
+    assert len(measured) >= 4
+    assert measured.items() <= {n: signals.UNITS[n] for n in chosen.outputs}.items()

@@ -34,7 +34,7 @@ def test_it_is_the_fused_system_slack_and_saturation_included() -> None:
     )
     rig, found = bench(), []
     for k in range(300):
-        rig.command({"force_reference": reference[k], "current": current[k], "hold": 0.0})
+        rig.command({"force_reference": reference[k], "current": current[k]})
         rig.advance(STEP)
         found.append(rig.true())
     for name, member in MEMBERS.items():
@@ -50,7 +50,7 @@ def test_it_is_the_fused_system_slack_and_saturation_included() -> None:
 def test_a_long_step_is_many_short_ones() -> None:
     one, many = bench(), bench()
     for rig in (one, many):
-        rig.command({"force_reference": 1.5, "current": 0.7, "hold": 0.0})
+        rig.command({"force_reference": 1.5, "current": 0.7})
     one.advance(0.5)
     for _ in range(125):
         many.advance(STEP)
@@ -58,38 +58,29 @@ def test_a_long_step_is_many_short_ones() -> None:
         assert abs(value - many.true()[name]) < 1e-9 * max(abs(value), 1e-4), name
 
 
-@pytest.mark.parametrize("hold", [0.0, 1.0])
-def test_the_controller_is_equation_2_2_and_on_hold_its_proportional_part(hold: float) -> None:
-    """Tustin's rule gives a proportional gain of half the difference of both coefficients (errata 18)."""
-    rig, period, volts, before = bench(), 1 / 30, 0.0, 0.0
-    rig.command({"force_reference": 1.0, "current": 0.0, "hold": 0.0})
+def test_the_controller_is_equation_2_2() -> None:
+    rig, volts, before = bench(), 0.0, 0.0
     for k in range(60):
         reference = 1.0 if k < 30 else 1.2 - 0.01 * k
-        frozen = hold if k >= 30 else 0.0
         error = reference - rig.true()["force_measured"]
-        volts += 0.36 * (error - before) if frozen else 0.66 * error - 0.06 * before
-        before = error
-        rig.command({"force_reference": reference, "current": 0.0, "hold": frozen})
-        rig.advance(period)
+        volts, before = volts + 0.66 * error - 0.06 * before, error
+        rig.command({"force_reference": reference, "current": 0.0})
+        rig.advance(1 / 30)
         assert 0.0 < volts < 10.0
         assert rig.true()["coil_voltage"] == pytest.approx(volts, rel=1e-12)
 
 
-def test_it_settles_at_the_force_that_is_wanted_and_hold_freezes_it() -> None:
+def test_it_settles_at_the_force_that_is_wanted() -> None:
     rig = bench()
-    rig.command({"force_reference": 2.0, "current": 0.0, "hold": 0.0})
+    rig.command({"force_reference": 2.0, "current": 0.0})
     rig.advance(2.0)
     assert abs(rig.true()["force_measured"] - 2.0) < 1e-3
-    voltage = rig.true()["coil_voltage"]
-    assert abs(voltage - 2.0 * 3.0 / 3.9) < 0.01  # static: F = K V / R
-    rig.command({"force_reference": 2.0, "current": 1.3, "hold": 1.0})
-    rig.advance(0.5)
-    assert abs(rig.true()["coil_voltage"] - voltage) < 0.01 * voltage  # no integral, and hardly an error to follow
+    assert abs(rig.true()["coil_voltage"] - 2.0 * 3.0 / 3.9) < 0.01  # static: F = K V / R
 
 
 def test_released_it_has_no_voltage_until_commanded_again() -> None:
     rig = bench()
-    rig.command({"force_reference": 2.0, "current": 1.0, "hold": 0.0})
+    rig.command({"force_reference": 2.0, "current": 1.0})
     rig.advance(1.0)
     rig.release()
     assert rig.true()["coil_voltage"] == 0.0
@@ -98,6 +89,6 @@ def test_released_it_has_no_voltage_until_commanded_again() -> None:
         assert rig.true()["coil_voltage"] == 0.0
     released = rig.true()
     assert abs(released["tension"]) < 1e-3
-    rig.command({"force_reference": 1.0, "current": 0.0, "hold": 0.0})
+    rig.command({"force_reference": 1.0, "current": 0.0})
     rig.advance(1.0)
     assert abs(rig.true()["force_measured"] - 1.0) < 2e-3

@@ -49,7 +49,7 @@ def test_a_late_sensor_on_the_bench_shows_what_was() -> None:
     shown: list[list[float]] = [[], []]
     for k in range(100):
         for rig, values in zip(rigs, shown, strict=True):
-            rig.command({"current": float(np.sin(k / 7)), "force_reference": 1.0, "hold": 0.0})
+            rig.command({"current": float(np.sin(k / 7)), "force_reference": 1.0})
             rig.advance(0.01)
             values.append(rig.true()["voltage"])
     # at the end of a step the inputs of that step are still held; ten steps later those of the next one were, too

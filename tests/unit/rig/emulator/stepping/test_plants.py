@@ -130,7 +130,7 @@ def test_by_length_it_is_the_component() -> None:
 @pytest.mark.parametrize("plant", [ForceDriven, LengthDriven, BenchPlant])
 def test_the_same_steps_give_the_same_bits(plant: Any) -> None:
     commands = {"current": levels(60, -1, 1, 7, 1), "force": levels(60, 0, 3, 5, 2)}
-    commands |= {"length_change": 1e-4 * commands["force"], "force_reference": commands["force"], "hold": np.zeros(60)}
+    commands |= {"length_change": 1e-4 * commands["force"], "force_reference": commands["force"]}
     rows = {name: commands[name] for name in plant.inputs}
     one, other = (drive(SteppedRig(plant(DoubleLayer(P)), ("voltage", "charge")), 1 / 30, rows) for _ in range(2))
     for name, values in one.items():
@@ -142,7 +142,7 @@ def test_the_same_steps_give_the_same_bits(plant: Any) -> None:
 def test_a_step_of_a_millisecond_costs_far_less(plant: Any, kind: type[Physics]) -> None:
     """Measured 14 to 95 microseconds of CPU; a loaded machine is allowed ten times that."""
     rig = SteppedRig(plant(kind(P)), ("voltage",))
-    rig.command({"current": 0.5, "force": 1.0, "length_change": 1e-4, "force_reference": 1.0, "hold": 0.0})
+    rig.command({"current": 0.5, "force": 1.0, "length_change": 1e-4, "force_reference": 1.0})
     rig.advance(0.05)
     began = time.process_time()
     for _ in range(100):
