@@ -18,6 +18,7 @@ from orchestration.rig.table import Table
 
 _PRESETS = Path(__file__).with_name("presets")
 _ROUNDING = 1e-9  # of a range, by which a command may be beyond it
+units.registry()  # takes a quarter of a second; a process that has to reopen a rig in need has it behind it
 TERMINALS = ("default", "differential", "referenced", "non-referenced")
 
 

@@ -78,7 +78,7 @@ class Replay(Steppable):
             If the record is at its end and that is to fail.
         """
         if self._since is not None:
-            now = time.monotonic()
+            now = time.perf_counter()
             self._time, self._since = self._time + now - self._since, now
         at = self._time
         if at >= self._length:
@@ -99,7 +99,7 @@ class Replay(Steppable):
         """
         commands(values, self.inputs)
         if self._since is None and not self._stepped:
-            self._since = time.monotonic()
+            self._since = time.perf_counter()
 
     def advance(self, step: float) -> None:
         """Go on by a step.

@@ -219,5 +219,8 @@ def test_the_presets_sensors_resolve_what_the_thesis_says() -> None:
     assert count * rig.outputs["force_measured"].gain < 0.001
     assert count * rig.outputs["displacement"].gain < 0.003  # mm
     assert rig.rate == 30.0
-    assert rig.outputs["force_measured"].measured(44.5 / 2.225 / 2) == pytest.approx(22.25)
-    assert rig.outputs["displacement"].reachable().max == pytest.approx(50.8e-3)
+    assert rig.outputs["force_measured"].measured(4.0) == pytest.approx(
+        44.5 * 4.0 / (20e-3 * 1000)
+    )  # 20 mV, 1000 times
+    assert rig.outputs["displacement"].measured(5.0) == pytest.approx(25.4e-3)  # half of the stroke
+    assert all(math.isnan(channel.measured(10.0)) for channel in rig.outputs.values())

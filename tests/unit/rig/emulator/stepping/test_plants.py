@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -125,6 +127,30 @@ def test_by_length_it_is_the_component() -> None:
         expected = exact[name][1:]
         assert np.abs(values - expected)[same].max() < 1e-6 * np.abs(expected).max(), name
     assert (found["tension"] == 0).sum() > 5
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    current=st.floats(-1.3, 1.3), load=st.floats(0.0, 1.0), step=st.floats(1e-3, 0.5), share=st.floats(0.01, 0.99),
+    plant=st.sampled_from([ForceDriven, LengthDriven, BenchPlant]), seed=st.integers(0, 5),
+)  # fmt: skip
+def test_a_step_is_its_parts(current: float, load: float, step: float, share: float, plant: Any, seed: int) -> None:
+    """Held inputs, so that it does not matter where a step is cut; from states that are not at rest."""
+    before = np.random.default_rng(seed).uniform(0.0, 1.0, 4)
+    whole, parts = (SteppedRig(plant(Physics(P)), ("voltage", "charge", "mechanical_displacement")) for _ in range(2))
+    for rig in (whole, parts):
+        for amperes, share_of_load in (before[:2], before[2:], (current, load)):
+            rig.command({name: _scaled(name, amperes, share_of_load) for name in plant.inputs})
+            rig.advance(0.1)
+    whole.advance(step)
+    parts.advance(share * step)
+    parts.advance(step - share * step)
+    for name, value in whole.true().items():
+        assert parts.true()[name] == pytest.approx(value, rel=1e-8, abs=1e-11), name
+
+
+def _scaled(name: str, current: float, load: float) -> float:
+    return current if name == "current" else load * (5e-4 if name == "length_change" else 3.0)
 
 
 @pytest.mark.parametrize("plant", [ForceDriven, LengthDriven, BenchPlant])
