@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from fmus import component
 from fmus.kit.record.compiled import CompiledModel
@@ -25,6 +24,7 @@ from orchestration.rig.emulator.physics import Physics, RigParameters
 from orchestration.rig.emulator.stepping.bench import BenchPlant
 from orchestration.rig.emulator.stepping.plants import ForceDriven, LengthDriven, Spring
 from orchestration.rig.emulator.stepping.rig import SteppedRig
+from tests.support.rig.tension import tension_by_bisection
 
 P = RigParameters.scattered(3)
 
@@ -41,16 +41,6 @@ def drive(rig: SteppedRig, step: float, rows: dict[str, np.ndarray]) -> dict[str
 
 def levels(count: int, low: float, high: float, dwell: int, seed: int) -> np.ndarray:
     return np.repeat(np.random.default_rng(seed).uniform(low, high, count // dwell + 1), dwell)[:count]
-
-
-def tension_by_bisection(physics: Physics, state: np.ndarray, length: float) -> float:
-    """Tension at which the length is the actuator's, found without the code under test; slack instead of pushing."""
-
-    def excess(force: float) -> float:
-        strain = physics.electrochemical_length(physics.active_charge(state))
-        return float(physics.mechanical_length(state, force) + strain - length)
-
-    return 0.0 if excess(0.0) >= 0 else float(brentq(excess, 0.0, 1e3, xtol=1e-14, rtol=1e-14))
 
 
 @pytest.mark.parametrize("kind", [Physics, DoubleLayer, DiffusionLayer, LaggingStrain])
