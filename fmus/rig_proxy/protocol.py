@@ -6,7 +6,7 @@ Needs Python alone: it travels inside the Python FMU, and the server has it from
 from __future__ import annotations
 
 import json
-import math
+import sys
 from typing import Any
 
 from ..kit.errors import UserError
@@ -28,7 +28,8 @@ def _is_text(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    # a whole number may have more digits than a float can stand for
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _is_count(value: Any) -> bool:

@@ -106,7 +106,7 @@ def test_the_reason_is_told(frame, said):
 @pytest.mark.parametrize(
     ("name", "bad"),
     [("sequence", -1), ("sequence", 1.5), ("sequence", True), ("sent", None), ("values", ["1"]), ("values", [True]),
-     ("ages", {}), ("refused", [1]), ("session", 5)],
+     ("ages", {}), ("refused", [1]), ("session", 5), ("sent", 10**400)],
 )  # fmt: skip
 def test_a_field_of_another_type_is_none(name, bad):
     with pytest.raises(protocol.ProtocolError, match=f"sample whose {name}"):
