@@ -14,13 +14,16 @@ CONNECTED, REFUSED, STALE, LOST = range(4)
 HOLD, FAIL = "hold", "fail"
 AGE = "{}_age"  # name of the output with the age of a value
 
+# the rest of the C files has no header of its own
+_NATIVE = ("clock", "sockets", "endpoint", "numbers", "json_reader", "json_writer", "messages", "zmtp", "link", "proxy")
+
 _ENGINE = Engine(
     slave="fmus.rig_proxy.slave:ProxySlave",
     needs={"zmq": "pyzmq"},
     folder="fmus.rig_proxy.native",
-    sources=("json.c", "sockets.c", "zmtp.c", "link.c", "proxy.c"),
-    headers=("json.h", "sockets.h", "zmtp.h", "link.h"),
-    libraries={"win64": ("ws2_32",)},
+    sources=tuple(f"{name}.c" for name in (*_NATIVE, "handshake", "pace", "variables", "outputs")),
+    headers=tuple(f"{name}.h" for name in (*_NATIVE, "platform")),
+    libraries={"linux64": ("m",), "win64": ("ws2_32", "winmm")},
 )
 
 

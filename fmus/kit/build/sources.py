@@ -87,7 +87,8 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str) -> dict[str, bytes
     generated = {name: text.encode() for name, text in generate(graph, guid).items()}
     own = (*(FOLDER / name for name in (*_HEADERS, *_FRONT_END)), *engine.headers, *engine.sources)
     sources = {path.name: path.read_bytes() for path in own}
-    sources[UNIT] = unit(*_FRONT_END, *(path.name for path in engine.sources), *engine.generated)
+    # an engine may have to say what it wants of the system before the first header is read
+    sources[UNIT] = unit(*(path.name for path in engine.sources), *_FRONT_END, *engine.generated)
     sources |= {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
     return sources | generated
 

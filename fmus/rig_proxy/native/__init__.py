@@ -1,1 +1,1 @@
-"""The native engine of the proxies, in C (:mod:`fmus.rig_proxy.proxy` lists the files)."""
+"""The native build's engine of a rig proxy (``fmus/kit/fmi2/engine.h``), in C: ZMTP on plain sockets, loopback only."""

@@ -1,0 +1,36 @@
+/* The messages of the rig protocol (docs/reference/protocol.md) that a client writes and reads. */
+#ifndef MESSAGES_H
+#define MESSAGES_H
+
+#include "engine.h"
+#include "json_writer.h"
+
+/* Outputs of the proxy: the measured values, as many ages, and round_trip_time, missed_deadlines and link_state. */
+enum { MEASURED = (MODEL_OUTPUTS - 3) / 2, PROTOCOL_VERSION = 1, SESSION_SIZE = 128, SENTENCE_SIZE = 512 };
+
+typedef enum { REPLY_NONE, REPLY_ACCEPTED, REPLY_REFUSED, REPLY_SAMPLE, REPLY_DISCONNECTED, REPLY_FOREIGN } ReplyKind;
+
+typedef struct {
+    ReplyKind kind;  /* NONE is what is no reply, or malformed; FOREIGN one of another version */
+    double version;  /* of a FOREIGN one */
+    char session[SESSION_SIZE];
+    uint64_t sequence;
+    double sent, clock, period, watchdog;
+    bool lockstep, safe;
+    char reason[SENTENCE_SIZE];
+    int refusals;
+    char refusal[SENTENCE_SIZE];                   /* the first */
+    double values[MEASURED + 1], ages[MEASURED + 1]; /* NaN for null */
+} Reply;
+
+/* What a frame says; every field that the protocol has for its kind must be there and of the right type. */
+void reply_read(const char *frame, size_t size, Reply *reply);
+
+/* `measured` are the indices of the measured values, `inputs` the commands, in the order of the model. A writer that is
+   full after this must not be sent. */
+void write_connect(Writer *writer, double time, const int measured[MEASURED + 1]);
+void write_exchange(Writer *writer, const Reply *session, uint64_t sequence, double sent, double seen, double time,
+                    double step, const double *inputs);
+void write_disconnect(Writer *writer, const char *session);
+
+#endif

@@ -1,0 +1,90 @@
+/* A step of the proxy: exchanges on the rig's time, or on the simulation's. */
+#include "clock.h"
+#include "proxy.h"
+
+#include <math.h>
+#include <stdio.h>
+
+/* Held inputs are sent again this often within a long step: a quarter of the watchdog, so that three may be lost. */
+static double interval(const Engine *engine) { return fmax(engine->link.session.watchdog / 4.0, 1e-3); }
+
+static bool send_inputs(Engine *engine, double time, double step) {
+    return link_exchange(&engine->link, time, step, engine->memory + FIRST_INPUT);
+}
+
+/* Connects anew where that is needed: the connection broke, the rig ended the session, or has been silent for too long.
+   A session that is neither ended nor given up goes on over the new connection. */
+static void restore(Engine *engine, double time, double until, Message message) {
+    Link *link = &engine->link;
+    bool is_new = engine->lost || !link->in_session;
+    if (is_new)
+        link_close(link, 0.0); /* nothing that was under way on the old connection can reach the new one */
+    else if (wire_is_open(&link->wire))
+        return;
+    if (!link_open(link, time, until, false, message)) {
+        if (message[0] == '\0')
+            snprintf(message, MESSAGE_SIZE, "no answer from %s", link->endpoint);
+    } else if (is_new) /* nobody shall race to make up for the time without a link */
+        engine->origin = clock_now() - (time - engine->start_time);
+}
+
+/* Exchanges until the step is `due` and an answer of that moment is there: true, or false if it is missing at the end,
+   which is `deadline` after the due time, but never after `last`. */
+static bool reach(Engine *engine, double time, double step, double due, double last) {
+    Link *link = &engine->link;
+    uint64_t wanted = 0;           /* sequence of the exchange at the due time */
+    double next = 0.0, end = last; /* when to send again, when to give up */
+    for (;;) {
+        double now = clock_now();
+        if (wanted == 0 && now >= due) {
+            wanted = link->sequence + 1;
+            next = now;
+            end = fmin(now + deadline(engine), last);
+        }
+        if (now >= next) {
+            send_inputs(engine, time, step);
+            next = now + interval(engine);
+        }
+        if (link_listen(link, fmin(wanted > 0 ? end : due, next), wanted))
+            return true;
+        if (wanted > 0 && (clock_now() >= end || !link->in_session || !wire_is_open(&link->wire)))
+            return false;
+    }
+}
+
+static bool step_in_real_time(Engine *engine, double time, double step, Message message) {
+    double entry = clock_now(), last = entry + communication_timeout(engine);
+    double due;
+    engine->link.refusing = false;
+    link_listen(&engine->link, 0.0, 0); /* what came since the last step */
+    restore(engine, time, fmin(entry + deadline(engine), last), message);
+    due = fmin(engine->origin + (time + step - engine->start_time), last);
+    if (!reach(engine, time, step, due, last))
+        engine->missed += 1.0;
+    return publish(engine, message);
+}
+
+/* The rig's time would be lost with the answer, so that none is an error whatever on_stale says. */
+static bool step_in_lockstep(Engine *engine, double time, double step, Message message) {
+    double timeout = communication_timeout(engine);
+    Link *link = &engine->link;
+    if (send_inputs(engine, time, step) && link_listen(link, clock_now() + timeout, link->sequence))
+        return publish(engine, message);
+    if (!link->in_session)
+        snprintf(message, MESSAGE_SIZE, "the rig at %s refuses: %s", link->endpoint, link->reason);
+    else if (!wire_is_open(&link->wire))
+        snprintf(message, MESSAGE_SIZE, "the rig has closed the connection: its time and ours are apart");
+    else
+        snprintf(message, MESSAGE_SIZE, "no answer within %.10g s: the rig's time and ours are apart", timeout);
+    return false;
+}
+
+bool make_step(Engine *engine, double time, double step, Message message) {
+    if (step > communication_timeout(engine)) {
+        snprintf(message, MESSAGE_SIZE, "a step of %.10g s is longer than communication_timeout, %.10g s", step,
+                 communication_timeout(engine));
+        return false;
+    }
+    return engine->link.session.lockstep ? step_in_lockstep(engine, time, step, message)
+                                         : step_in_real_time(engine, time, step, message);
+}
