@@ -53,7 +53,7 @@ def serve(settings: Settings) -> int:
     """
     log = EventLog(settings.log)
     try:
-        with heeded() as signals, opened(settings) as sockets:
+        with heeded() as signals, opened(settings, log.tell) as sockets:
             rig: Rig = LockstepRig(settings) if settings.lockstep else RealTimeRig(settings)
             trouble = "the server failed"
             try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -63,12 +63,14 @@ class _Allowed:
 
 
 @contextmanager
-def opened(settings: Settings) -> Iterator[Sockets]:
+def opened(settings: Settings, warn: Callable[[str], None] = lambda text: None) -> Iterator[Sockets]:
     """Bind both sockets, and close them in the end, whatever is still in them.
 
     Parameters
     ----------
     settings : Settings
+    warn : callable
+        Called with a line if others can read the key file.
 
     Yields
     ------
@@ -79,7 +81,7 @@ def opened(settings: Settings) -> Iterator[Sockets]:
     UserError
         If an address cannot be bound to, or the key file is none.
     """
-    keys = None if settings.keys is None else read_server_keys(settings.keys)
+    keys = None if settings.keys is None else read_server_keys(settings.keys, warn)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     door = ThreadAuthenticator(context)
     made: list[zmq.Socket[bytes]] = []
