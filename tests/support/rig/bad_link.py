@@ -84,7 +84,7 @@ class BadLink:
     def _run(self) -> None:
         poller, backs = zmq.Poller(), {}
         poller.register(self._front, zmq.POLLIN)
-        waiting: list[tuple[float, int, bytes, bytes, bool]] = []
+        waiting: list[tuple[float, int, bytes, bytes, bool, bool]] = []
         count = itertools.count()
         while not self._ending.is_set():
             left = min(waiting[0][0] - time.monotonic(), 0.02) if waiting else 0.02
@@ -102,21 +102,22 @@ class BadLink:
                     peer = next(name for name, back in backs.items() if back is socket)
                     frame, upward = socket.recv(), False
                 for delay, changed in self.treatment(frame, self._chance):
-                    heapq.heappush(waiting, (time.monotonic() + delay, next(count), peer, changed, upward))
+                    due, counts = time.monotonic() + delay, upward and changed == frame
+                    heapq.heappush(waiting, (due, next(count), peer, changed, upward, counts))
             while waiting and waiting[0][0] <= time.monotonic():
-                _, _, peer, frame, upward = heapq.heappop(waiting)
-                self._hand_on(backs[peer] if upward else self._front, [frame] if upward else [peer, frame], upward)
+                _, _, peer, frame, upward, counts = heapq.heappop(waiting)
+                self._hand_on(backs[peer] if upward else self._front, [frame] if upward else [peer, frame], counts)
         for back in backs.values():
             back.close(linger=0)
 
-    def _hand_on(self, socket: Any, frames: list[bytes], upward: bool) -> None:
+    def _hand_on(self, socket: Any, frames: list[bytes], counts: bool) -> None:
         self.carried += 1
         now = time.monotonic()
         try:
             socket.send_multipart(frames, zmq.NOBLOCK)
         except zmq.ZMQError:
             return
-        if upward and self._is_fresh(frames[0]):
+        if counts and self._is_fresh(frames[0]):
             self.fresh.append(now)
 
     def _is_fresh(self, frame: bytes) -> bool:

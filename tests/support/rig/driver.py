@@ -113,6 +113,19 @@ class Driver:
         assert not self._thread.is_alive(), "the client hangs"
 
 
+def refusal(endpoint: str, credentials: Path | None = None, timeout: float = 2.0) -> str:
+    """Why one more client is not accepted; empty if it is."""
+    link = Link(endpoint, INPUTS, OUTPUTS, credentials, "another")
+    try:
+        link.connect(0.0, timeout)
+    except LinkError as error:
+        return str(error)
+    finally:
+        link.disconnect()
+        link.close()
+    return ""
+
+
 def main() -> None:
     """Exchange until killed: a client as a process of its own."""
     driver = Driver(sys.argv[1])
