@@ -8,7 +8,7 @@ from math import inf, isfinite
 from time import monotonic
 from typing import Any
 
-from fmus.rig_proxy.protocol import IDLE, LOCKSTEP, RUNNING, SAFE, encode
+from fmus.rig_proxy.protocol import IDLE, LOCKSTEP, RUNNING, SAFE, ProtocolError, encode
 from orchestration.rig.safety import CommandFilter, stale
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.rig import Rig
@@ -16,10 +16,6 @@ from orchestration.rig.server.session import Session, misfit, session_of
 
 _LONGEST_STEP = 60.0  # s, in lockstep: the emulated rig takes it in one go
 _LONGEST_NAME = 40  # characters of a client's name in the log
-
-
-class Malformed(Exception):
-    """A message that fits the protocol but not the session."""
 
 
 class Desk:
@@ -54,6 +50,27 @@ class Desk:
 
     # -- messages ----------------------------------------------------------------------------------------------------
 
+    def check(self, message: Mapping[str, Any]) -> None:
+        """Hold a message against the session.
+
+        Parameters
+        ----------
+        message : Mapping
+            As :func:`fmus.rig_proxy.protocol.decode` gives it.
+
+        Raises
+        ------
+        ProtocolError
+            If it is an exchange that does not fit.
+        """
+        session = self._session
+        if message["type"] != "exchange" or session is None or message["session"] != session.key:
+            return
+        if len(message["values"]) != len(session.commanded):
+            raise ProtocolError(f"an exchange with {len(message['values'])} values; it takes {len(session.commanded)}")
+        if self._rig.mode == LOCKSTEP and not 0 <= message["step"] <= _LONGEST_STEP:
+            raise ProtocolError(f"an exchange with step {message['step']:g} s; allowed are 0 to {_LONGEST_STEP:g} s")
+
     def answer(self, peer: bytes, message: Mapping[str, Any]) -> bytes | None:
         """Do what a message asks for.
 
@@ -62,17 +79,12 @@ class Desk:
         peer : bytes
             ZeroMQ's name of the connection it came by.
         message : Mapping
-            As :func:`fmus.rig_proxy.protocol.decode` gives it.
+            One that was checked.
 
         Returns
         -------
         bytes or None
             The reply, if there is one.
-
-        Raises
-        ------
-        Malformed
-            If it does not fit the session.
         """
         return self._answers[message["type"]](peer, message)
 
@@ -111,10 +123,6 @@ class Desk:
         session = self._session
         if session is None or message["session"] != session.key:
             return encode("refused", reason="this session is over, or of a server before this one; connect again")
-        if len(message["values"]) != len(session.commanded):
-            raise Malformed(f"an exchange with {len(message['values'])} values; it takes {len(session.commanded)}")
-        if self._rig.mode == LOCKSTEP and not 0 <= message["step"] <= _LONGEST_STEP:
-            raise Malformed(f"an exchange with step {message['step']:g} s; allowed are 0 to {_LONGEST_STEP:g} s")
         if session.repeats(message, self.counts):
             return None
         session.sequence, session.peer, session.heard = message["sequence"], peer, monotonic()

@@ -12,7 +12,7 @@ from typing import Any
 import zmq
 
 from fmus.rig_proxy.protocol import REQUESTS, ProtocolError, decode
-from orchestration.rig.server.desk import Desk, Malformed
+from orchestration.rig.server.desk import Desk
 from orchestration.rig.server.lockstep import LockstepRig
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.real_time import RealTimeRig
@@ -135,26 +135,21 @@ class Front:
         try:
             if len(frames) != 2:
                 raise ProtocolError(f"a message of {len(frames) - 1} frames; it must be one")
-            return decode(frames[1], REQUESTS)
+            message = decode(frames[1], REQUESTS)
+            self._desk.check(message)
         except ProtocolError as error:
-            self._drop(str(error))
+            self._desk.counts["malformed"] += 1
+            self._log.tell(f"dropped {error}", "malformed")
             return None
+        return message
 
     def _answer(self, peer: bytes, message: dict[str, Any]) -> None:
-        try:
-            reply = self._desk.answer(peer, message)
-        except Malformed as error:
-            self._drop(str(error))
-            return
+        reply = self._desk.answer(peer, message)
         if reply is not None:
             try:
                 self._sockets.requests.send_multipart([peer, reply], zmq.NOBLOCK)
             except zmq.ZMQError as error:
                 self._log.tell(f"could not answer: {error}", "could not answer")
-
-    def _drop(self, reason: str) -> None:
-        self._desk.counts["malformed"] += 1
-        self._log.tell(f"dropped {reason}", "malformed")
 
     def _publish(self, now: float) -> None:
         if now - self._published < _TELEMETRY:

@@ -39,6 +39,7 @@ ATTEMPTS = 5  # at the safe state, when the backend raises
 LONGEST_ATTEMPT = 5.0  # s; a guard that hangs for longer in the backend ends itself, and the front starts another
 _PAUSE = 0.2  # s between two attempts
 _LONGEST_DYING = 0.5  # s that a killed process may take to end
+_SHARE = 0.75  # of the watchdog time, that a driver call may take: what is left is for finding out and for the rescue
 _GRACE = 0.01  # s, at least: what the device gets beyond the watchdog time to go safe by itself
 
 
@@ -77,7 +78,7 @@ def fault_of(beat: Beat, command: Command, now: float, watchdog: float, period: 
         What is wrong; empty if nothing is.
     """
     where, age = read_text(beat.call), now - beat.time
-    if age > watchdog:
+    if age > _SHARE * watchdog:
         return f"the device hangs: {where} for {age:.3g} s"
     late = now - command.accepted - watchdog
     if command.order == RUN and not beat.safe and late > max(period / 2, _GRACE):

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
+from math import inf
 from pathlib import Path
 from queue import Empty, Full, Queue
 from threading import Thread
@@ -20,7 +21,7 @@ _PAUSE = 1.0  # s between two lines of one kind, where a kind is given
 
 
 class EventLog:
-    """Lines, written by a thread: who writes into a pipe that nobody reads waits for ever.
+    """Lines, each place of them written by a thread: who writes into a pipe that nobody reads waits for ever.
 
     Parameters
     ----------
@@ -39,15 +40,13 @@ class EventLog:
         self._clock = clock
         self._told: dict[str, float] = {}
         self._withheld: dict[str, int] = {}
-        self._lines: Queue[str | None] = Queue(_LONGEST_QUEUE)
-        self._places: list[TextIO] = [sys.stdout]
+        self._places = [_Place(sys.stdout)]
         if path is not None:
             try:
-                self._places.append(path.open("a", encoding="utf-8"))
+                file = path.open("a", encoding="utf-8")
             except OSError as error:
                 raise UserError(f"--log {path}: {error.strerror}") from error
-        self._writer = Thread(target=self._write, daemon=True, name="log")
-        self._writer.start()
+            self._places.append(_Place(file, lambda error: self.tell(f"--log {path} is not written any more: {error}")))
 
     def tell(self, text: str, kind: str = "") -> None:
         """Write a line.
@@ -60,36 +59,58 @@ class EventLog:
         """
         now = self._clock()
         if kind:
-            if now - self._told.get(kind, -_PAUSE) < _PAUSE:
+            if now - self._told.get(kind, -inf) < _PAUSE:
                 self._withheld[kind] = self._withheld.get(kind, 0) + 1
                 return
             self._told[kind] = now
             more = self._withheld.pop(kind, 0)
             text = f"{text} (and {more} like it before)" if more else text
-        with suppress(Full):
-            self._lines.put_nowait(f"{datetime.now().isoformat(' ', 'milliseconds')} {' '.join(text.split())}\n")
+        line = f"{datetime.now().isoformat(' ', 'milliseconds')} {' '.join(text.split())}\n"
+        for place in self._places:
+            place.put(line)
 
     def close(self) -> None:
         """Write what is left, for as long as that may take."""
         for kind, number in self._withheld.items():
-            if number:
-                self.tell(f"{kind}: {number} more")
-        with suppress(Full):
-            self._lines.put_nowait(None)
-        self._writer.join(_LONGEST_END)
+            self.tell(f"{kind}: {number} more")
+        for place in self._places:
+            place.close()
 
-    def _write(self) -> None:
-        while (line := self._next()) is not None:
-            for place in list(self._places):
-                try:
-                    place.write(line)
-                    place.flush()
-                except (OSError, ValueError) as error:  # a full disk, a closed pipe
-                    self._places.remove(place)
-                    if place is not sys.stdout:
-                        self.tell(f"the log file is not written any more: {error}")
+
+class _Place:
+    """Where lines go to, until that fails."""
+
+    def __init__(self, stream: TextIO, failed: Callable[[Exception], None] = lambda error: None) -> None:
+        self._stream, self._failed = stream, failed
+        self._lines: Queue[str | None] = Queue(_LONGEST_QUEUE)
+        self._closing = False
+        self._writer = Thread(target=self._write, daemon=True, name="log")
+        self._writer.start()
+
+    def put(self, line: str | None) -> None:
+        with suppress(Full):
+            self._lines.put_nowait(line)
+
+    def close(self) -> None:
+        self._closing = True
+        self.put(None)
+        self._writer.join(_LONGEST_END)
+        if self._stream is not sys.stdout and not self._writer.is_alive():
+            with suppress(OSError):
+                self._stream.close()
 
     def _next(self) -> str | None:
         while True:
-            with suppress(Empty):
-                return self._lines.get(timeout=60.0)
+            try:
+                return self._lines.get(timeout=_PAUSE)
+            except Empty:
+                if self._closing:  # there was no room to say so
+                    return None
+
+    def _write(self) -> None:
+        try:
+            while (line := self._next()) is not None:
+                self._stream.write(line)
+                self._stream.flush()
+        except (OSError, ValueError) as error:  # a full disk, a closed pipe
+            self._failed(error)

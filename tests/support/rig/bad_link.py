@@ -63,14 +63,16 @@ class BadLink:
     treatment : callable
         What is done to every message in either direction; may be changed at any time.
     fresh : list of float
-        When a command that is new and within its limits was handed to the server, in s of the monotonic clock.
+        When a command that is new, within its limits and not too long under way was handed to the server, in s of the
+        monotonic clock.
     """
 
-    def __init__(self, server: str, seed: int = 0) -> None:
+    def __init__(self, server: str, seed: int = 0, watchdog: float = 0.2) -> None:
         self.treatment: Treatment = clean
         self.fresh: list[float] = []
         self.carried = 0
         self._server, self._chance = server, random.Random(seed)
+        self._watchdog = watchdog
         self._sequences: dict[str, int] = {}
         self._context = zmq.Context()
         self._front = self._context.socket(zmq.ROUTER)
@@ -117,14 +119,15 @@ class BadLink:
             socket.send_multipart(frames, zmq.NOBLOCK)
         except zmq.ZMQError:
             return
-        if counts and self._is_fresh(frames[0]):
+        if counts and self._is_fresh(frames[0], now):
             self.fresh.append(now)
 
-    def _is_fresh(self, frame: bytes) -> bool:
+    def _is_fresh(self, frame: bytes, now: float) -> bool:
         try:
             message = json.loads(frame)
             session, sequence, values = message["session"], message["sequence"], message["values"]
             new = sequence > self._sequences.get(session, 0)
+            new = new and now - message["seen"] <= self._watchdog
             fits = all(low <= value <= high for value, (low, high) in zip(values, LIMITS, strict=True))
         except (ValueError, KeyError, TypeError):
             return False

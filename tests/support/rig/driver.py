@@ -30,6 +30,8 @@ class Driver:
     values : callable
         Commands by number of the exchange.
     credentials : Path, optional
+    timeout : float
+        Of an exchange, in s.
     reconnect : bool
         Connect again when the session is over.
 
@@ -45,9 +47,9 @@ class Driver:
 
     def __init__(
         self, endpoint: str, values: Callable[[int], Sequence[float]] = usual, credentials: Path | None = None,
-        reconnect: bool = False, client: str = "driver",
+        reconnect: bool = False, timeout: float = 0.1, client: str = "driver",
     ) -> None:  # fmt: skip
-        self.values, self._reconnect = values, reconnect
+        self.values, self._reconnect, self._timeout = values, reconnect, timeout
         self.samples: list[Mapping[str, Any]] = []
         self.errors: list[str] = []
         self.unanswered, self.longest, self.sessions = 0, 0.0, 0
@@ -85,7 +87,7 @@ class Driver:
             number, due = 0, time.monotonic()
             while not self._ending.is_set():
                 begun = time.monotonic()
-                sample = self._link.exchange(self.values(number), PERIOD * number, PERIOD, 0.1)
+                sample = self._link.exchange(self.values(number), PERIOD * number, PERIOD, self._timeout)
                 self.longest = max(self.longest, time.monotonic() - begun)
                 self.unanswered += sample is None
                 if sample is not None:

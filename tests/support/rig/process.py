@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import queue
 import re
 import signal
 import subprocess
@@ -37,42 +36,47 @@ class Server:
     folder : Path
         For its files.
     backend : str
-        Class in `backends`, or a whole specification.
+        Class in `backends`.
     arguments : str
         More of the command line.
     options : dict
         Of the backend, beside its log.
     environment : dict, optional
+    stdout : int
+        Where else its lines go to; then they are read from its log file.
     """
 
     def __init__(
         self, folder: Path, backend: str = "Logged", *arguments: object, options: dict[str, object] | None = None,
-        environment: dict[str, str] | None = None, logged: bool = True,
+        environment: dict[str, str] | None = None, stdout: int = subprocess.PIPE,
     ) -> None:  # fmt: skip
         self.trigger, self._calls = folder / "trigger", folder / "calls.log"
-        spec = backend if ":" in backend or not logged else f"{BACKENDS}:{backend}"
-        given = {"log": self._calls, **(options or {})} if logged else options or {}
+        spec, given = f"{BACKENDS}:{backend}", {"log": self._calls, **(options or {})}
         command = [
             sys.executable, "-m", "orchestration.cli", "rig", "serve", "--backend", spec,
             *(text for key, value in given.items() for text in ("--option", f"{key}={value}")), *map(str, arguments),
         ]  # fmt: skip
+        self._log = None if stdout == subprocess.PIPE else folder / "server.log"
+        if self._log is not None:
+            command += ["--log", str(self._log)]
         if not {"--port", "--endpoint"} & set(command):
             command += ["--port", "0"]
         self.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.PIPE, text=True,
             encoding="utf-8", cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
         )  # fmt: skip
         self.lines: list[str] = []
-        self._new: queue.Queue[str] = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         self.endpoint = ""
 
     def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.append(line.rstrip("\n"))
-            self._new.put(line)
+        if self.process.stdout is not None:
+            for line in self.process.stdout:
+                self.lines.append(line.rstrip("\n"))
+        while self._log is not None and self.process.poll() is None:
+            self.lines[:] = self._log.read_text().splitlines() if self._log.exists() else []
+            time.sleep(0.01)
 
     def wait_ready(self) -> str:
         """Wait for the line that says where it is; return that."""

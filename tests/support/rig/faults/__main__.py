@@ -12,21 +12,18 @@ from tests.support.rig.faults import table
 from tests.support.rig.faults.bench import PERIOD, WATCHDOG, try_all
 
 PAGE = Path(__file__).parents[4] / "docs" / "hil-faults.md"
-_HEAD = (
-    f"""# What happens when something fails
+_HEAD = f"""# What happens when something fails
 
-Written by `make hil-faults`: every fault was brought about, with real processes and sockets, at a server with a watchdog
-time of {WATCHDOG:g} s and a period of {PERIOD * 1000:.1f} ms, by a client that commands every 20 ms. The device is a
-backend that writes down every call with its time and fails when it is told to.
+Written by `make hil-faults`: every fault was brought about, with real processes and sockets, at a server with a
+watchdog time of {WATCHDOG:g} s and a period of {PERIOD * 1000:.1f} ms, by a client that commands every 20 ms. The
+device is a backend that writes down every call with its time and fails when it is told to.
 
 The time to the safe state ends when the backend's `safe` was called, by its own log. It begins with the last fresh
 command that the server was handed (by the log of the forwarder in between), or, where the client goes on, with the last
 command that the device carried out (by its own log). It has to be below the bound: watchdog time and one period, and
 for a driver call that never returns what it took to kill the device's process and to open the backend in another one.
-Every fault must besides leave all that was ever written within the limits.
-""".splitlines()
-    + [""]
-)
+Besides, whatever was ever written must be within the limits.
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,7 +46,7 @@ def page(rows: Sequence[Sequence[str]]) -> str:
     """Write the page."""
     head = ["kind", "promised", "observed", "time to the safe state", "from", "bound", "met"]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in [head, ["---"] * 7, *rows]]
-    return "\n".join([*_HEAD, *lines]) + "\n"
+    return _HEAD + "\n" + "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":

@@ -9,10 +9,10 @@ from tests.support.rig.driver import Driver
 from tests.support.rig.faults.bench import WATCHDOG, Bench, fault
 
 
-def _during(bench: Bench, treatment: Treatment, seconds: float) -> Driver:
+def _during(bench: Bench, treatment: Treatment, seconds: float, timeout: float = 0.04) -> Driver:
     """Exchange over a bad cable for a while, then cut it: the safe state must come in time all the same."""
     bench.serve("Logged", "--watchdog", WATCHDOG)
-    driver = bench.connect(reconnect=True)
+    driver = bench.connect(reconnect=True, timeout=timeout)
     bench.link.treatment = treatment
     until = time.monotonic() + seconds
     while time.monotonic() < until and bench.status()["state"] == "running":
@@ -20,7 +20,9 @@ def _during(bench: Bench, treatment: Treatment, seconds: float) -> Driver:
     bench.link.treatment = dropping(1.0)
     safe = bench.safe_after(bench.link.fresh[0])
     bench.measure_from_fresh(safe)
-    assert driver.longest < 0.2 + bench.allowance, f"an exchange took {driver.longest:.3f} s; its timeout is 0.1 s"
+    assert driver.longest < timeout + 0.06 + bench.allowance, (
+        f"an exchange took {driver.longest:.3f} s; its timeout is {timeout:g} s"
+    )
     ages = [sample["ages"][0] for sample in driver.samples]
     assert max(ages) < 0.1 + bench.allowance
     return driver
@@ -63,7 +65,7 @@ def drop_50(bench: Bench) -> None:
 
 @fault("messages delayed by 5 to 40 ms", "served on; late answers are no new ones; safe when the cable is cut")
 def delay(bench: Bench) -> None:
-    driver = _during(bench, delaying(0.005, 0.04), 3.0)
+    driver = _during(bench, delaying(0.005, 0.04), 3.0, timeout=0.1)
     assert len(driver.samples) > 20
     bench.observed = _told(bench, driver)
 
@@ -75,7 +77,6 @@ def delay_long(bench: Bench) -> None:
     bench.link.treatment = delaying(0.4, 0.5)
     changed = time.monotonic()
     safe = bench.safe_after(changed)
-    bench.link.fresh[:] = [when for when in bench.link.fresh if when < changed + 0.1]  # later ones are stale
     bench.measure_from_fresh(safe)
     time.sleep(1.0)
     bench.is_latched("no fresh command")
@@ -95,9 +96,10 @@ def double(bench: Bench) -> None:
 
 @fault("messages overtake each other", "an overtaken one is dropped and counted; safe when the cable is cut")
 def reorder(bench: Bench) -> None:
-    driver = _during(bench, delaying(0.0, 0.16), 3.0)
+    driver = _during(bench, delaying(0.0, 0.06), 3.0)
     sequences = [sample["sequence"] for sample in driver.samples]
     assert sequences == sorted(sequences)
+    assert bench.status()["counts"]["late"] > 0
     bench.observed = _told(bench, driver)
 
 
