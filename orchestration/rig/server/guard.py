@@ -151,15 +151,18 @@ class Guard:
 
     def _look(self) -> None:
         """See whether the device is well; if not, take its place."""
-        command, beat, now = self._command(), self._board.beat.read(), monotonic()
+        command = self._command()  # before all else: what an operator acknowledges was on the board before
+        trip, beat, now = self._board.trip.read(), self._board.beat.read(), monotonic()
         if self._device is None:
             if command.acknowledged != self._acknowledged:
                 self._acknowledged = command.acknowledged
                 self._start()
             return
-        self._acknowledged = command.acknowledged
+        ended = trip is not None and trip.ended and trip.time > self._started
+        if not ended:  # else the acknowledgement, if there is one, asks for another device
+            self._acknowledged = command.acknowledged
         if not self._device.is_alive():
-            self._look_after_the_end()
+            self._look_after_the_end(trip if ended else None)
         elif beat is None or beat.process != self._device.pid or not beat.opened:
             if now - self._started > LONGEST_OPENING:
                 self._take_over(f"the device has not opened in {LONGEST_OPENING:g} s")
@@ -168,11 +171,10 @@ class Guard:
         else:
             self._tell(SERVING)
 
-    def _look_after_the_end(self) -> None:
+    def _look_after_the_end(self, trip: Trip | None) -> None:
         """See whether a device that has ended left the rig in its safe state."""
-        trip, code = self._board.trip.read(), self._device.exitcode
-        if trip is None or not trip.ended or trip.time < self._started:
-            self._take_over(f"the device process has ended, exit status {code}")
+        if trip is None:
+            self._take_over(f"the device process has ended, exit status {self._device.exitcode}")
         elif not trip.reached and self._board.description.read() is not None:  # else the backend was never open
             self._take_over(read_text(trip.reason))
         else:

@@ -91,7 +91,8 @@ class Trial:
 
     def exchange(self, sequence, values=(0.5, 1.0), seen=None, session=None, sent=0.0, peer=b"a"):
         return self.ask("exchange", peer, session=session or self.session, sequence=sequence, sent=sent,
-                        seen=self.rig.now if seen is None else seen, time=0.0, step=0.02, values=list(values))  # fmt: skip
+                        seen=self.rig.now if seen is None else seen, time=0.0, step=0.02,
+                        values=list(values))  # fmt: skip
 
 
 @pytest.fixture
