@@ -184,6 +184,8 @@ def heeded() -> Iterator[Signals]:
 
     wanted = {"SIGINT": end, "SIGTERM": end, "SIGBREAK": end, "SIGHUP": end, "SIGUSR1": stop}
     there = {getattr(signal, name): handler for name, handler in wanted.items() if hasattr(signal, name)}
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # nohup
+        del there[signal.SIGHUP]
     before = {number: signal.signal(number, handler) for number, handler in there.items()}
     try:
         yield signals

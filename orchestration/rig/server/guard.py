@@ -158,11 +158,10 @@ class Guard:
                 self._acknowledged = command.acknowledged
                 self._start()
             return
-        ended = trip is not None and trip.ended and trip.time > self._started
-        if not ended:  # else the acknowledgement, if there is one, asks for another device
+        if not self._is_of_the_end(trip):  # else the acknowledgement, if there is one, asks for another device
             self._acknowledged = command.acknowledged
         if not self._device.is_alive():
-            self._look_after_the_end(trip if ended else None)
+            self._look_after_the_end()
         elif beat is None or beat.process != self._device.pid or not beat.opened:
             if now - self._started > LONGEST_OPENING:
                 self._take_over(f"the device has not opened in {LONGEST_OPENING:g} s")
@@ -171,9 +170,14 @@ class Guard:
         else:
             self._tell(SERVING)
 
-    def _look_after_the_end(self, trip: Trip | None) -> None:
+    def _is_of_the_end(self, trip: Trip | None) -> bool:
+        """Whether a report is the last one of this device."""
+        return trip is not None and trip.ended and trip.time > self._started
+
+    def _look_after_the_end(self) -> None:
         """See whether a device that has ended left the rig in its safe state."""
-        if trip is None:
+        trip = self._board.trip.read()
+        if trip is None or not self._is_of_the_end(trip):
             self._take_over(f"the device process has ended, exit status {self._device.exitcode}")
         elif not trip.reached and self._board.description.read() is not None:  # else the backend was never open
             self._take_over(read_text(trip.reason))
