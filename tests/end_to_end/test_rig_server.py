@@ -45,7 +45,7 @@ def test_telemetry_is_published_one_port_higher_at_most_thirty_times_a_second(tm
     assert messages[-1]["inputs"] == {"current": 0.5, "force": 1.0}
     assert messages[-1]["outputs"] == {"voltage": 1.0, "displacement": 0.5}
     assert messages[-1]["client"] == "driver"
-    assert messages[-1]["clock"] - messages[0]["clock"] > 0.9 * 29 / 30
+    assert 0.9 * 29 / 30 < messages[-1]["clock"] - messages[0]["clock"] < 3 * 29 / 30  # on a busy machine
 
 
 def test_samples_are_taken_at_the_rate_and_their_age_is_below_a_period(tmp_path):

@@ -192,8 +192,10 @@ def test_a_client_that_never_commands_loses_its_session(trial, monkeypatch):
 def test_a_safe_state_is_kept_until_it_is_acknowledged(trial):
     trial.connect()
     trial.exchange(1)
+    rests = trial.rig.resting
     trial.rig.found = ["no fresh command for 0.2 s"]
     trial.desk.supervise()
+    assert trial.rig.resting > rests
     answer = trial.exchange(2)
     assert (answer["state"], answer["reason"]) == ("safe", "no fresh command for 0.2 s")
     assert answer["refused"] == ["the rig is in its safe state"]
