@@ -11,6 +11,9 @@ import zmq
 
 from fmus.rig_proxy.link import Link
 from fmus.rig_proxy.protocol import REPLIES, decode
+from orchestration.rig.backends.emulator import Emulator
+from orchestration.rig.endpoint import endpoint
+from orchestration.rig.operator import ask
 from tests.support.command import refused, works
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
 from tests.support.rig.process import Server
@@ -126,3 +129,37 @@ def test_status_as_a_line_and_as_json(tmp_path):
         assert line == "idle; real-time, period 0.03333 s, watchdog 0.2 s\n"
         told = json.loads(works("rig", "status", "--json", "--endpoint", server.endpoint, cwd=tmp_path))
         assert told["inputs"] == INPUTS
+
+
+def test_the_emulated_rig_in_lockstep_answers_as_it_does_when_it_is_stepped_directly(tmp_path):
+    names = {"current": "A", "force": "N"}
+    direct = Emulator(signals="force-driven", seed="3", hidden="drawn", noise="off")
+    direct.safe()
+    options = {"signals": "force-driven", "seed": 3, "hidden": "drawn", "noise": "off"}
+    with Server(tmp_path, "emulator", "--lockstep", options=options) as server:
+        server.wait_ready()
+        link = Link(server.endpoint, names, dict(direct.outputs))
+        link.connect(0.0, 5.0)
+        for k in range(100):
+            commands = {"current": 0.5 * sin(0.1 * k), "force": 1.0 + 0.5 * (k % 20 > 10)}
+            direct.write(commands)
+            direct.advance(0.05)
+            sample = link.exchange(list(commands.values()), 0.05 * k, 0.05, 5.0)
+            assert sample is not None
+            assert sample["refused"] == []
+            assert sample["values"] == pytest.approx(list(direct.read().values()), rel=1e-12, abs=1e-15)
+        link.disconnect()
+        link.close()
+
+
+def test_the_emulated_rig_in_real_time_is_served_at_a_hundred_hertz(tmp_path):
+    with Server(tmp_path, "emulator", "--rate", 100, options={"noise": "off"}) as server:
+        server.wait_ready()
+        driver = Driver(server.endpoint, lambda number: [0.5, 1.0]).start(100)
+        driver.stop()
+        status = ask(endpoint(server.endpoint), "status")
+    assert driver.unanswered == 0
+    assert {sample["state"] for sample in driver.samples} == {"running"}
+    voltages = [sample["values"][0] for sample in driver.samples]
+    assert voltages[-1] > voltages[10] > 0.0, "a capacitor is charged"
+    assert status["state"] == "idle"

@@ -76,8 +76,9 @@ class LockstepRig:
 
     def _advance(self, step: float) -> None:
         assert isinstance(self._backend, Steppable)
-        call("advance()", self._backend.advance, step)
-        self._clock += step
+        if step > 0:
+            call("advance()", self._backend.advance, step)
+            self._clock += step
         self._read()
         reason = self._monitor.check(self._measured, self._clock)
         if reason:

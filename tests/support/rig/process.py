@@ -36,7 +36,7 @@ class Server:
     folder : Path
         For its files.
     backend : str
-        Class in `backends`.
+        Class in `backends`, or one by name.
     arguments : str
         More of the command line.
     options : dict
@@ -51,7 +51,9 @@ class Server:
         environment: dict[str, str] | None = None, stdout: int = subprocess.PIPE,
     ) -> None:  # fmt: skip
         self.trigger, self._calls = folder / "trigger", folder / "calls.log"
-        spec, given = f"{BACKENDS}:{backend}", {"log": self._calls, **(options or {})}
+        spec, given = backend, options or {}
+        if backend[0].isupper():
+            spec, given = f"{BACKENDS}:{backend}", {"log": self._calls, **given}
         command = [
             sys.executable, "-m", "orchestration.cli", "rig", "serve", "--backend", spec,
             *(text for key, value in given.items() for text in ("--option", f"{key}={value}")), *map(str, arguments),
