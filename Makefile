@@ -3,13 +3,15 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow naming check benchmark chromium clean help
+.PHONY: demo test test-slow naming hil-faults hil-latency check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take minutes"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records"
+	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
+	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
 
 demo: $(VENV)/installed
@@ -23,6 +25,12 @@ test-slow: $(VENV)/installed-dev chromium
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2
+
+hil-faults: $(VENV)/installed-dev
+	$(BIN)/python -m tests.support.rig.faults
+
+hil-latency: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.rig_latency
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

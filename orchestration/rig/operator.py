@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from time import monotonic
+from collections.abc import Mapping
+from time import monotonic, sleep
 from typing import Any
 
 import zmq
@@ -10,6 +11,8 @@ import zmq
 from fmus.kit.errors import UserError
 from fmus.rig_proxy import protocol
 from orchestration.rig.endpoint import Endpoint
+
+_LOOK = 0.1  # s between two questions whether a rig is ready again
 
 
 def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dict[str, Any]:
@@ -54,3 +57,50 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
         context.destroy(linger=0)
     keys = "" if remote.keys is None else ", with these keys"
     raise UserError(f"no answer within {timeout:g} s from {remote.requests}{keys}; is `ppy rig serve` running?")
+
+
+def acknowledge(remote: Endpoint, timeout: float = 5.0) -> dict[str, Any]:
+    """Release the latch of the safe state, and wait until the rig can be used again.
+
+    Parameters
+    ----------
+    remote : Endpoint
+    timeout : float
+        Longest wait, in s; a device that failed is opened again meanwhile.
+
+    Returns
+    -------
+    dict of str to object
+        The message ``status``; its state is still ``safe`` if the rig could not be used in time.
+
+    Raises
+    ------
+    UserError
+        If there is no answer in time.
+    """
+    until = monotonic() + timeout
+    answer = ask(remote, "acknowledge", timeout)
+    while answer["state"] == protocol.SAFE and monotonic() + _LOOK < until:
+        sleep(_LOOK)
+        answer = ask(remote, "status", max(_LOOK, until - monotonic()))
+    return answer
+
+
+def summary(answer: Mapping[str, Any]) -> str:
+    """Say in one line how a rig is.
+
+    Parameters
+    ----------
+    answer : Mapping of str to object
+        The message ``status``.
+
+    Returns
+    -------
+    str
+    """
+    parts = [answer["state"] + (f": {answer['reason']}" if answer["reason"] else "")]
+    if answer["client"]:
+        parts.append(f"client {answer['client']}")
+    parts.append(f"{answer['mode']}, period {answer['period']:.4g} s, watchdog {answer['watchdog']:g} s")
+    parts += [f"{number} {what}" for what, number in answer["counts"].items() if number]
+    return "; ".join(parts)

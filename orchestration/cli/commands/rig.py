@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from orchestration.cli.rig import bridge, keys
+from orchestration.cli.rig import bridge, keys, operate, serve
 
 rig = typer.Typer(
     name="rig",
@@ -12,5 +12,9 @@ rig = typer.Typer(
     rich_markup_mode="rich",
     help="The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.",
 )
+rig.command("acknowledge")(operate.acknowledge)
 rig.command("bridge")(bridge.bridge)
 rig.command("keys")(keys.keys)
+rig.command("serve")(serve.serve)
+rig.command("status")(operate.status)
+rig.command("stop")(operate.stop)

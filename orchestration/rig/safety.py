@@ -1,0 +1,185 @@
+"""What may be commanded, what may be measured, and how long the rig goes on without a command: decisions alone.
+
+Nothing here reads a clock, a socket or a device; times come in as arguments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf, isfinite
+
+from orchestration.rig.backends.backend import Limit
+
+_ROUNDING = 1e-9  # of a rate limit: a ramp at the limit must not fail by the last bit of a time
+
+
+class CommandFilter:
+    """Hard limits of commands.
+
+    A set of commands is taken as a whole or not at all: if one value is beyond its limits, all stay as they are.
+
+    Parameters
+    ----------
+    inputs : Mapping of str to str
+        What can be commanded, and its unit.
+    limits : Mapping of str to Limit
+        By signal; a signal without one has no limits.
+
+    Attributes
+    ----------
+    applied : tuple of float
+        The last values that were taken, in the order of `inputs`; zero at rest.
+    """
+
+    def __init__(self, inputs: Mapping[str, str], limits: Mapping[str, Limit]) -> None:
+        self._signals = [(name, unit, limits.get(name, Limit())) for name, unit in inputs.items()]
+        self.rest()
+
+    def rest(self) -> None:
+        """Note that the rig went to its safe state: nothing is commanded."""
+        self.applied = (0.0,) * len(self._signals)
+
+    def take(self, values: Sequence[float], elapsed: float) -> list[str]:
+        """Take a set of commands, unless one is refused.
+
+        Parameters
+        ----------
+        values : sequence of float
+            In the order of `inputs`, SI.
+        elapsed : float
+            Time since the last ones were taken, in s; what a rate is measured by.
+
+        Returns
+        -------
+        list of str
+            A sentence for every value that is refused; empty if all were taken.
+        """
+        refused = []
+        for (name, unit, limit), value, before in zip(self._signals, values, self.applied, strict=True):
+            fault = beyond(limit, value, before, elapsed, unit) if isfinite(value) else "is no finite number"
+            if fault:
+                refused.append(f"{name} {value:g} {unit} {fault}; {before:g} {unit} goes on")
+        if not refused:
+            self.applied = tuple(map(float, values))
+        return refused
+
+
+def beyond(limit: Limit, value: float, before: float | None, elapsed: float, unit: str) -> str:
+    """Hold a value against its limits.
+
+    Parameters
+    ----------
+    limit : Limit
+    value : float
+        Finite.
+    before : float or None
+        The value before, if there is one.
+    elapsed : float
+        Time since then in s.
+    unit : str
+
+    Returns
+    -------
+    str
+        What is wrong, as in ``is above 1.3 A``; empty if nothing is.
+    """
+    if value < limit.min:
+        return f"is below {limit.min:g} {unit}"
+    if value > limit.max:
+        return f"is above {limit.max:g} {unit}"
+    if before is not None and limit.rate < inf and abs(value - before) > limit.rate * elapsed * (1 + _ROUNDING):
+        return f"is a change by {value - before:+.3g} {unit} in {elapsed:.3g} s, faster than {limit.rate:g} {unit}/s"
+    return ""
+
+
+class MeasurementMonitor:
+    """Hard limits of measured values, and how long a device may deliver none.
+
+    Parameters
+    ----------
+    outputs : Mapping of str to str
+        What is measured, and its unit.
+    limits : Mapping of str to Limit
+        By signal.
+    patience : float
+        How long an output with limits, or all of them, may be without a finite value, in s.
+    """
+
+    def __init__(self, outputs: Mapping[str, str], limits: Mapping[str, Limit], patience: float) -> None:
+        self._signals = [(name, unit, limits.get(name)) for name, unit in outputs.items()]
+        self._patience = patience
+        self._last: dict[str, tuple[float, float]] = {}  # newest finite value of each output, and its time
+        self._begun: float | None = None
+
+    def check(self, values: Mapping[str, float], now: float) -> str:
+        """Hold one reading against the limits.
+
+        Parameters
+        ----------
+        values : Mapping of str to float
+            By output, SI; NaN where there is none.
+        now : float
+            When they were taken, in s; never before the reading before.
+
+        Returns
+        -------
+        str
+            Why the rig has to go to its safe state; empty if it need not.
+        """
+        if self._begun is None:
+            self._begun = now
+        reason = ""
+        for name, unit, limit in self._signals:
+            value = values[name]
+            before, time = self._last.get(name, (None, self._begun))
+            if not isfinite(value):
+                if limit is not None and now - time > self._patience:
+                    reason = reason or f"no finite {name} for {self._patience:g} s, and it has limits"
+                continue
+            self._last[name] = (value, now)
+            fault = beyond(limit, value, before, now - time, unit) if limit is not None else ""
+            if fault:
+                reason = reason or f"measured {name} {value:g} {unit} {fault}"
+        newest = max((time for _, time in self._last.values()), default=self._begun)
+        if self._signals and now - newest > self._patience:
+            reason = reason or f"the device delivers nothing finite for {self._patience:g} s"
+        return reason
+
+
+def expired(accepted: float, now: float, watchdog: float) -> bool:
+    """Whether the rig may not go on with a command.
+
+    Parameters
+    ----------
+    accepted, now : float
+        When the command was accepted, and the time, in s of one clock.
+    watchdog : float
+        How long it holds, in s.
+
+    Returns
+    -------
+    bool
+    """
+    return not now - accepted < watchdog
+
+
+def stale(seen: float, now: float, watchdog: float) -> str:
+    """Judge a message by the newest time of the rig that its sender knew of.
+
+    Parameters
+    ----------
+    seen, now : float
+        That time, and the present, in s of the rig's clock.
+    watchdog : float
+        How old it may be, in s.
+
+    Returns
+    -------
+    str
+        Why its commands are not carried out; empty if they are fresh.
+    """
+    if seen > now:
+        return f"the message has seen {seen - now:.3g} s more of the rig's time than there was"
+    if now - seen > watchdog:
+        return f"the message was under way for {now - seen:.3g} s; fresh is up to {watchdog:g} s"
+    return ""

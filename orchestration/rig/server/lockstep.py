@@ -1,0 +1,147 @@
+"""A rig that waits for the client: an emulated one, stepped in the process of the front."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import isfinite, nan
+
+from fmus.kit.errors import UserError
+from fmus.rig_proxy.protocol import LOCKSTEP
+from orchestration.rig.backends.backend import Backend, Steppable
+from orchestration.rig.backends.registry import backend_class, open_backend
+from orchestration.rig.safety import MeasurementMonitor
+from orchestration.rig.server.calls import BackendError, Signals, call, reading
+from orchestration.rig.server.rig import State, cannot_open
+from orchestration.rig.server.settings import Settings
+
+
+class LockstepRig:
+    """A backend whose time is the client's; there is nothing to watch over.
+
+    Parameters
+    ----------
+    settings : Settings
+
+    Raises
+    ------
+    UserError
+        If the backend cannot be stepped or cannot be opened.
+    """
+
+    mode = LOCKSTEP
+    watchdog = 0.0
+
+    def __init__(self, settings: Settings) -> None:
+        if not issubclass(backend_class(settings.backend), Steppable):
+            raise UserError(f"--lockstep: the time of {settings.backend} is its own; emulator and replay can wait")
+        self._settings = settings
+        self._troubles: list[str] = []
+        self._clock = 0.0
+        self._number = 0
+        try:
+            self._open()
+        except BackendError as error:
+            raise cannot_open(settings, str(error)) from error
+
+    def _open(self) -> None:
+        self._backend: Backend = call("opening", open_backend, self._settings.backend, self._settings.options)
+        self._failed = self._resting = False
+        self.signals = Signals.of(self._backend)
+        self._measured = dict.fromkeys(self.signals.outputs, nan)
+        self._monitor = MeasurementMonitor(self.signals.outputs, self.signals.limits, self._settings.watchdog)
+        self._values: list[float | None] = [None] * len(self.signals.outputs)
+        self._taken = [0.0] * len(self.signals.outputs)
+        self._applied = (0.0,) * len(self.signals.inputs)
+        self._safe()
+        self._read()
+
+    def clock(self) -> float:
+        """Time of the rig: the sum of all steps in s."""
+        return self._clock
+
+    def apply(self, values: Sequence[float], now: float) -> None:
+        """Command every input."""
+        self._applied, self._resting = tuple(values), False
+        self._guarded(lambda: call("write()", self._backend.write, dict(zip(self.signals.inputs, values, strict=True))))
+
+    def advance(self, step: float) -> None:
+        """Let time pass with the commands held, then read.
+
+        Parameters
+        ----------
+        step : float
+            In s.
+        """
+        self._guarded(lambda: self._advance(step))
+
+    def _advance(self, step: float) -> None:
+        assert isinstance(self._backend, Steppable)
+        if step > 0:
+            call("advance()", self._backend.advance, step)
+            self._clock += step
+        self._read()
+        reason = self._monitor.check(self._measured, self._clock)
+        if reason:
+            self._troubles.append(reason)
+
+    def _read(self) -> None:
+        self._measured = reading(self._backend, self.signals)
+        for k, value in enumerate(self._measured.values()):
+            if isfinite(value):
+                self._values[k], self._taken[k] = value, self._clock
+        self._number += 1
+
+    def rest(self) -> None:
+        """Go to the safe state."""
+        if not self._resting:
+            self._guarded(self._safe)
+
+    def _safe(self) -> None:
+        call("safe()", self._backend.safe)
+        self._applied, self._resting = (0.0,) * len(self.signals.inputs), True
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        if self._failed:
+            return
+        try:
+            work()
+        except BackendError as error:
+            self._failed, reason = True, str(error)
+            try:
+                self._safe()
+            except BackendError as second:
+                reason = f"{reason}; THE SAFE STATE WAS NOT REACHED: {second}"
+            self._troubles.append(reason)
+
+    def release(self) -> None:
+        """Serve again; a backend that failed is opened anew."""
+        if self._failed:
+            try:
+                self._open()
+            except BackendError as error:
+                self._failed = True
+                self._troubles.append(str(error))
+
+    def opening(self) -> str:
+        """Say nothing: there is nothing to wait for."""
+        return ""
+
+    def troubles(self) -> list[str]:
+        """Say what failed or was beyond its limit since this was last asked."""
+        found, self._troubles = self._troubles, []
+        return found
+
+    def state(self) -> State:
+        """Take the newest sample."""
+        return State(self._number, self._applied, tuple(self._values), tuple(self._taken), 0)
+
+    def close(self) -> str:
+        """End in the safe state."""
+        if self._failed:
+            return ""
+        try:
+            self._safe()
+            call("close()", self._backend.close)
+        except BackendError as error:
+            return str(error)
+        return ""

@@ -1,0 +1,116 @@
+"""What happens, one line each with wall time: to standard output and into a file, without ever waiting for either."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from math import inf
+from pathlib import Path
+from queue import Empty, Full, Queue
+from threading import Thread
+from time import monotonic
+from typing import TextIO
+
+from fmus.kit.errors import UserError
+
+_LONGEST_QUEUE = 1000  # lines that wait for a terminal that does not take them
+_LONGEST_END = 1.0  # s that the last lines get
+_PAUSE = 1.0  # s between two lines of one kind, where a kind is given
+
+
+class EventLog:
+    """Lines, each place of them written by a thread: who writes into a pipe that nobody reads waits for ever.
+
+    Parameters
+    ----------
+    path : Path or None
+        File that lines are added to.
+    clock : callable
+        Time in s that never jumps.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+
+    def __init__(self, path: Path | None = None, clock: Callable[[], float] = monotonic) -> None:
+        self._clock = clock
+        self._told: dict[str, float] = {}
+        self._withheld: dict[str, int] = {}
+        self._places = [_Place(sys.stdout)]
+        if path is not None:
+            try:
+                file = path.open("a", encoding="utf-8")
+            except OSError as error:
+                raise UserError(f"--log {path}: {error.strerror}") from error
+            self._places.append(_Place(file, lambda error: self.tell(f"--log {path} is not written any more: {error}")))
+
+    def tell(self, text: str, kind: str = "") -> None:
+        """Write a line.
+
+        Parameters
+        ----------
+        text : str
+        kind : str
+            Of those alike, at most one a second is written, with the number of those in between.
+        """
+        now = self._clock()
+        if kind:
+            if now - self._told.get(kind, -inf) < _PAUSE:
+                self._withheld[kind] = self._withheld.get(kind, 0) + 1
+                return
+            self._told[kind] = now
+            more = self._withheld.pop(kind, 0)
+            text = f"{text} (and {more} like it before)" if more else text
+        line = f"{datetime.now().isoformat(' ', 'milliseconds')} {' '.join(text.split())}\n"
+        for place in self._places:
+            place.put(line)
+
+    def close(self) -> None:
+        """Write what is left, for as long as that may take."""
+        for kind, number in self._withheld.items():
+            self.tell(f"{kind}: {number} more")
+        for place in self._places:
+            place.close()
+
+
+class _Place:
+    """Where lines go to, until that fails."""
+
+    def __init__(self, stream: TextIO, failed: Callable[[Exception], None] = lambda error: None) -> None:
+        self._stream, self._failed = stream, failed
+        self._lines: Queue[str | None] = Queue(_LONGEST_QUEUE)
+        self._closing = False
+        self._writer = Thread(target=self._write, daemon=True, name="log")
+        self._writer.start()
+
+    def put(self, line: str | None) -> None:
+        with suppress(Full):
+            self._lines.put_nowait(line)
+
+    def close(self) -> None:
+        self._closing = True
+        self.put(None)
+        self._writer.join(_LONGEST_END)
+        if self._stream is not sys.stdout and not self._writer.is_alive():
+            with suppress(OSError):
+                self._stream.close()
+
+    def _next(self) -> str | None:
+        while True:
+            try:
+                return self._lines.get(timeout=_PAUSE)
+            except Empty:
+                if self._closing:  # there was no room to say so
+                    return None
+
+    def _write(self) -> None:
+        try:
+            while (line := self._next()) is not None:
+                self._stream.write(line)
+                self._stream.flush()
+        except (OSError, ValueError) as error:  # a full disk, a closed pipe
+            self._failed(error)

@@ -1,0 +1,117 @@
+"""One client and what the rig is to do for it: who may command, with what, and until when."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from secrets import token_hex
+from typing import Any
+
+from fmus.kit.errors import suggestion
+from orchestration.rig.server.calls import Signals
+
+_FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
+_SILENCE = 2.0  # s, in lockstep, after which another client may take the place of one that says nothing
+
+
+@dataclass
+class Session:
+    """A client that was accepted.
+
+    Attributes
+    ----------
+    client : str
+        Its name.
+    peer : bytes
+        ZeroMQ's name of its connection.
+    commanded : list of int
+        For every input of the rig, its place among the client's values.
+    wanted : list of int
+        For every output that the client wants, its place among the rig's.
+    begun : float
+        When it was accepted, in s of the server's clock.
+    key : str
+        Names the session in messages.
+    sequence : int
+        Of the newest exchange.
+    accepted : float or None
+        When the newest fresh command was, in s of the rig's clock.
+    heard : float
+        When the client said something, in s of the server's clock.
+    """
+
+    client: str
+    peer: bytes
+    commanded: list[int]
+    wanted: list[int]
+    begun: float
+    key: str = field(default_factory=lambda: token_hex(8))
+    sequence: int = 0
+    accepted: float | None = None
+    heard: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.heard = self.begun
+
+    def repeats(self, message: Mapping[str, Any], counts: dict[str, int]) -> bool:
+        """Whether an exchange came before, or was overtaken; it is counted then."""
+        sequence = message["sequence"]
+        if sequence > self.sequence:
+            return False
+        counts["repeated" if sequence == self.sequence else "late"] += 1
+        return True
+
+    def never_began(self, now: float) -> bool:
+        """Whether the client has not commanded anything for too long after it was accepted."""
+        return self.sequence == 0 and now - self.begun > _FIRST_COMMAND
+
+    def is_silent(self, now: float) -> bool:
+        """Whether the client has said nothing for a while."""
+        return now - self.heard > _SILENCE
+
+
+def misfit(message: Mapping[str, Any], signals: Signals) -> str:
+    """Hold what a client wants against what the rig has.
+
+    Parameters
+    ----------
+    message : Mapping
+        ``connect``.
+    signals : Signals
+
+    Returns
+    -------
+    str
+        Why it cannot be served; empty if it can.
+    """
+    for what, offered in (("inputs", signals.inputs), ("outputs", signals.outputs)):
+        for name, unit in message[what].items():
+            if name not in offered:
+                return f"the rig has no {name} among its {what}{suggestion(name, offered)}"
+            if unit != offered[name]:
+                return f"{name} is in {offered[name]!r} on the rig, not in {unit!r}"
+    missing = [name for name in signals.inputs if name not in message["inputs"]]
+    return f"the client must command every input of the rig; {', '.join(missing)} is missing" if missing else ""
+
+
+def session_of(message: Mapping[str, Any], signals: Signals, peer: bytes, now: float) -> Session:
+    """Make a session for a client that fits.
+
+    Parameters
+    ----------
+    message : Mapping
+        ``connect``.
+    signals : Signals
+    peer : bytes
+    now : float
+        In s of the server's clock.
+
+    Returns
+    -------
+    Session
+    """
+    names, outputs = list(message["inputs"]), list(signals.outputs)
+    return Session(
+        message["client"], peer, [names.index(name) for name in signals.inputs],
+        [outputs.index(name) for name in message["outputs"]], now,
+    )  # fmt: skip

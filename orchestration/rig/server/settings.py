@@ -1,0 +1,161 @@
+"""What a server is told on its command line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from ipaddress import ip_address
+from math import isfinite
+from pathlib import Path
+
+from fmus.kit.errors import UserError
+
+RATES = (0.1, 1000.0)  # Hz
+WATCHDOGS = (0.01, 60.0)  # s
+_ENDPOINT = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What to serve, how fast and where.
+
+    Attributes
+    ----------
+    backend : str
+        A name, or ``file.py:Class``.
+    options : Mapping of str to str
+        Of the backend.
+    rate : float
+        Samples per second.
+    watchdog : float
+        How long the rig goes on without a fresh command, in s.
+    lockstep : bool
+        Time is the client's.
+    host : str
+        Address to bind to.
+    port : int
+        Of the requests; telemetry is one higher. Zero is any that is free.
+    keys : Path or None
+        Key file of the server.
+    log : Path or None
+        File that gets a copy of every line.
+    priority : int or None
+        Real-time priority of the process that has the device.
+    cpu : int or None
+        Core that this process stays on.
+
+    Raises
+    ------
+    UserError
+        If something is out of range, or would let strangers command the rig.
+    """
+
+    backend: str
+    options: Mapping[str, str] = field(default_factory=dict)
+    rate: float = 30.0
+    watchdog: float = 0.2
+    lockstep: bool = False
+    host: str = "127.0.0.1"
+    port: int = 5570
+    keys: Path | None = None
+    log: Path | None = None
+    priority: int | None = None
+    cpu: int | None = None
+
+    def __post_init__(self) -> None:
+        _check_range("--rate", self.rate, *RATES, "Hz")
+        _check_range("--watchdog", self.watchdog, *WATCHDOGS, "s")
+        if not 0 <= self.port <= 65534:
+            raise UserError(f"--port {self.port}: allowed are 1 to 65534, and 0 for any that is free")
+        if self.priority is not None and not 1 <= self.priority <= 99:
+            raise UserError(f"--priority {self.priority}: allowed are 1 to 99")
+        if self.cpu is not None and self.cpu < 0:
+            raise UserError(f"--cpu {self.cpu}: cores count from 0")
+        if self.keys is None and not is_loopback(self.host):
+            raise UserError(
+                f"--bind {self.host}: beyond this machine the rig is served with keys only; "
+                "make them with ppy rig keys and give --keys FILE"
+            )
+
+    @property
+    def period(self) -> float:
+        """Time between two samples in s."""
+        return 1 / self.rate
+
+
+def _check_range(name: str, value: float, least: float, most: float, unit: str) -> None:
+    if not (isfinite(value) and least <= value <= most):
+        raise UserError(f"{name} {value:g}: allowed are {least:g} to {most:g} {unit}")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether nobody on another machine can reach an address.
+
+    Parameters
+    ----------
+    host : str
+        Name or address, an IPv6 one in brackets.
+
+    Returns
+    -------
+    bool
+    """
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+def read_endpoint(text: str) -> tuple[str, int]:
+    """Split an endpoint.
+
+    Parameters
+    ----------
+    text : str
+        Like ``tcp://127.0.0.1:5570``.
+
+    Returns
+    -------
+    tuple of str and int
+        Host and port.
+
+    Raises
+    ------
+    UserError
+        If it is none.
+    """
+    match = _ENDPOINT.fullmatch(text)
+    if match is None:
+        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT")
+    return match["host"], int(match["port"])
+
+
+def read_options(texts: list[str]) -> dict[str, str]:
+    """Read what is handed on to the backend.
+
+    Parameters
+    ----------
+    texts : list of str
+        Each ``key=value``.
+
+    Returns
+    -------
+    dict of str to str
+
+    Raises
+    ------
+    UserError
+        If one has no key, no ``=``, or is there twice.
+    """
+    options: dict[str, str] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals or not key.isidentifier():
+            raise UserError(f"--option {text!r}: write KEY=VALUE")
+        if key in options:
+            raise UserError(f"--option {key} is given twice: {options[key]!r} and {value!r}")
+        options[key] = value
+    return options

@@ -1,0 +1,41 @@
+"""Claims: whatever fails between client and rig ends as promised, in time, with nothing unsafe written and no hang.
+
+A part of the table that `make hil-faults` tries as a whole. Times get an allowance for a machine that runs other tests
+besides; the page has them without.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.command import posix
+from tests.support.rig.faults import table
+from tests.support.rig.faults.bench import Bench, Fault
+
+ALLOWANCE = 0.1  # s
+KINDS = table()
+
+pytestmark = [posix, pytest.mark.timeout(60)]
+
+
+@pytest.mark.parametrize(
+    "fault", [pytest.param(kind, id=kind.kind, marks=() if kind.quick else pytest.mark.slow) for kind in KINDS]
+)
+def test_the_promise_is_kept(fault: Fault, tmp_path: Path) -> None:
+    with Bench(tmp_path, ALLOWANCE) as bench:
+        fault.provoke(bench)
+        bench.nothing_unsafe()
+    assert bench.observed
+
+
+def test_there_are_enough_kinds() -> None:
+    assert len({kind.kind for kind in KINDS}) == len(KINDS) >= 40
+
+
+def test_the_page_has_every_kind() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "hil-faults.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ")][2:]
+    assert [row[0].removeprefix("| ") for row in rows] == [kind.kind for kind in KINDS]
+    assert {row[-1].removesuffix(" |") for row in rows} == {"yes"}

@@ -1,0 +1,134 @@
+"""Backends that write down with monotonic times what they are told, and fail when a test asks for it.
+
+They stand for hardware that cannot exist here. A fault happens in every call from when the file `trigger` exists.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from math import nan
+from pathlib import Path
+
+from fmus.kit.errors import UserError
+from orchestration.rig.backends.backend import Backend, Limit, Steppable
+
+GAIN = {"voltage": 2.0, "displacement": 0.5}  # of the commands, see `Logged.read`
+
+
+class Logged(Backend):
+    """Two commands, two measured values that follow them, and a log.
+
+    Parameters
+    ----------
+    log : str
+        File; one line a call.
+    rate : str
+        Limit of the current's rate.
+    """
+
+    inputs = {"current": "A", "force": "N"}
+    outputs = {"voltage": "V", "displacement": "m"}
+
+    def __init__(self, log: str = os.devnull, rate: str = "inf") -> None:
+        self.limits = {
+            "current": Limit(-1.3, 1.3, float(rate)), "force": Limit(0.0, 3.0), "voltage": Limit(-2.0, 2.0),
+        }  # fmt: skip
+        self._log = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        self._commands = {"current": 0.0, "force": 0.0}
+        self._note("open")
+
+    def _note(self, what: str) -> None:
+        os.write(self._log, f"{time.monotonic()!r} {os.getpid()} {what}\n".encode())
+
+    def read(self) -> Mapping[str, float]:
+        return {"voltage": GAIN["voltage"] * self._commands["current"],
+                "displacement": GAIN["displacement"] * self._commands["force"]}  # fmt: skip
+
+    def write(self, values: Mapping[str, float]) -> None:
+        self._note(f"write {values['current']!r} {values['force']!r}")
+        self._commands = dict(values)
+
+    def safe(self) -> None:
+        self._note("safe")
+        self._commands = {"current": 0.0, "force": 0.0}
+
+    def close(self) -> None:
+        self._note("close")
+        os.close(self._log)
+
+
+class Stepped(Logged, Steppable):
+    """The same in lockstep: an integrator of the current."""
+
+    charge = 0.0
+
+    def advance(self, step: float) -> None:
+        self._note(f"advance {step!r}")
+        self.charge += self._commands["current"] * step
+
+    def read(self) -> Mapping[str, float]:
+        return {"voltage": self.charge, "displacement": self._commands["force"]}
+
+
+class Faulty(Logged):
+    """Fails in one of its calls.
+
+    Parameters
+    ----------
+    log, trigger : str
+        Files.
+    where : {"open", "read", "write", "safe", "close"}
+    how : str
+        What happens there: `raise`, `refuse`, `exit`, `hang`, `die`, `slow`, `nan`, `beyond`, `nothing`.
+    times : str
+        How often at most, over all processes: the log is counted.
+    """
+
+    def __init__(self, log: str, trigger: str, where: str, how: str, times: str = "1000000") -> None:
+        self._trigger, self._where, self._how, self._times, self._path = trigger, where, how, int(times), Path(log)
+        super().__init__(log)
+        self._fail("open")
+
+    def _fail(self, where: str) -> bool:
+        if where != self._where or not os.path.exists(self._trigger):
+            return False
+        if self._times < 1000000 and self._path.read_text().count("fault") >= self._times:
+            return False
+        self._note(f"fault {where} {self._how}")
+        if self._how == "raise":
+            raise OSError(5, f"the cable of {where} is out")
+        if self._how == "refuse":
+            raise UserError("the device is in use by another program")
+        if self._how == "exit":
+            raise SystemExit(3)
+        if self._how == "hang":
+            time.sleep(3600.0)
+        if self._how == "die":
+            os._exit(7)
+        if self._how == "slow":
+            time.sleep(0.06)
+        return True
+
+    def read(self) -> Mapping[str, float]:
+        failed, values = self._fail("read"), dict(super().read())
+        if failed and self._how == "nan":
+            return dict.fromkeys(values, nan)
+        if failed and self._how == "beyond":
+            return {**values, "voltage": 2.5}
+        if failed and self._how == "nothing":
+            return {}
+        return values
+
+    def write(self, values: Mapping[str, float]) -> None:
+        self._fail("write")
+        super().write(values)
+
+    def safe(self) -> None:
+        self._fail("safe")
+        super().safe()
+
+    def close(self) -> None:
+        self._fail("close")
+        super().close()

@@ -1,0 +1,143 @@
+"""A cable between client and server that loses, delays, doubles, swaps and damages messages, repeatably by its seed.
+
+It also writes down when it handed a fresh command to the server: what the time to the safe state is measured from.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import json
+import math
+import random
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import zmq
+
+LIMITS = ((-1.3, 1.3), (0.0, 3.0))  # of the commands of tests.support.rig.backends
+Treatment = Callable[[bytes, random.Random], list[tuple[float, bytes]]]
+
+
+def clean(frame: bytes, chance: random.Random) -> list[tuple[float, bytes]]:
+    """Hand on at once."""
+    return [(0.0, frame)]
+
+
+def dropping(share: float) -> Treatment:
+    """Lose a share of the messages."""
+    return lambda frame, chance: [] if chance.random() < share else [(0.0, frame)]
+
+
+def delaying(least: float, most: float) -> Treatment:
+    """Hold each message for a time in s; those behind it may overtake it."""
+    return lambda frame, chance: [(chance.uniform(least, most), frame)]
+
+
+def doubling(frame: bytes, chance: random.Random) -> list[tuple[float, bytes]]:
+    """Hand on twice, the second time up to 30 ms later."""
+    return [(0.0, frame), (chance.uniform(0.0, 0.03), frame)]
+
+
+def damaging(share: float) -> Treatment:
+    """Change up to three bytes in a share of the messages."""
+
+    def treat(frame: bytes, chance: random.Random) -> list[tuple[float, bytes]]:
+        if chance.random() >= share:
+            return [(0.0, frame)]
+        damaged = bytearray(frame)
+        for _ in range(chance.randint(1, 3)):
+            damaged[chance.randrange(len(damaged))] = chance.randrange(256)
+        return [(0.0, bytes(damaged))]
+
+    return treat
+
+
+class BadLink:
+    """A forwarder in a thread of its own.
+
+    Attributes
+    ----------
+    treatment : callable
+        What is done to every message in either direction; may be changed at any time.
+    fresh : list of float
+        When a command that is new, within its limits and not too long under way was handed to the server, in s of the
+        monotonic clock.
+    """
+
+    def __init__(self, server: str, seed: int = 0, watchdog: float = 0.2) -> None:
+        self.treatment: Treatment = clean
+        self.fresh: list[float] = []
+        self.carried = 0
+        self._server, self._chance = server, random.Random(seed)
+        self._watchdog = watchdog
+        self._sequences: dict[str, int] = {}
+        self._context = zmq.Context()
+        self._front = self._context.socket(zmq.ROUTER)
+        self._front.linger = 0
+        port = self._front.bind_to_random_port("tcp://127.0.0.1")
+        self.endpoint = f"tcp://127.0.0.1:{port}"
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        poller, backs = zmq.Poller(), {}
+        poller.register(self._front, zmq.POLLIN)
+        waiting: list[tuple[float, int, bytes, bytes, bool, bool]] = []
+        count = itertools.count()
+        while not self._ending.is_set():
+            left = min(waiting[0][0] - time.monotonic(), 0.02) if waiting else 0.02
+            ready = dict(poller.poll(max(0, math.ceil(1000 * left))))
+            for socket in ready:
+                if socket is self._front:
+                    peer, frame = self._front.recv_multipart()
+                    if peer not in backs:
+                        backs[peer] = back = self._context.socket(zmq.DEALER)
+                        back.linger = 0
+                        back.connect(self._server)
+                        poller.register(back, zmq.POLLIN)
+                    upward = True
+                else:
+                    peer = next(name for name, back in backs.items() if back is socket)
+                    frame, upward = socket.recv(), False
+                for delay, changed in self.treatment(frame, self._chance):
+                    due, counts = time.monotonic() + delay, upward and changed == frame
+                    heapq.heappush(waiting, (due, next(count), peer, changed, upward, counts))
+            while waiting and waiting[0][0] <= time.monotonic():
+                _, _, peer, frame, upward, counts = heapq.heappop(waiting)
+                self._hand_on(backs[peer] if upward else self._front, [frame] if upward else [peer, frame], counts)
+        for back in backs.values():
+            back.close(linger=0)
+
+    def _hand_on(self, socket: Any, frames: list[bytes], counts: bool) -> None:
+        self.carried += 1
+        now = time.monotonic()
+        try:
+            socket.send_multipart(frames, zmq.NOBLOCK)
+        except zmq.ZMQError:
+            return
+        if counts and self._is_fresh(frames[0], now):
+            self.fresh.append(now)
+
+    def _is_fresh(self, frame: bytes, now: float) -> bool:
+        try:
+            message = json.loads(frame)
+            session, sequence, values = message["session"], message["sequence"], message["values"]
+            new = sequence > self._sequences.get(session, 0)
+            new = new and now - message["seen"] <= self._watchdog
+            fits = all(low <= value <= high for value, (low, high) in zip(values, LIMITS, strict=True))
+        except (ValueError, KeyError, TypeError):
+            return False
+        if new:
+            self._sequences[session] = sequence
+        return new and fits
+
+    def close(self) -> None:
+        """End the thread and let go of the sockets."""
+        self._ending.set()
+        self._thread.join(10.0)
+        self._front.close(linger=0)
+        self._context.destroy(linger=0)

@@ -1,0 +1,140 @@
+"""A client that exchanges at a steady rate, in a thread of this process or as a process of its own."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from math import sin
+from pathlib import Path
+from typing import Any
+
+from fmus.rig_proxy.link import Link, LinkError
+
+INPUTS, OUTPUTS = {"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m"}
+PERIOD = 0.02  # s
+
+
+def usual(number: int) -> Sequence[float]:
+    """Commands well within the limits."""
+    return [0.8 * sin(0.2 * number), 1.0]
+
+
+class Driver:
+    """A client in a thread.
+
+    Parameters
+    ----------
+    endpoint : str
+    values : callable
+        Commands by number of the exchange.
+    credentials : Path, optional
+    timeout : float
+        Of an exchange, in s.
+    reconnect : bool
+        Connect again when the session is over.
+
+    Attributes
+    ----------
+    samples : list of dict
+        Every answer.
+    unanswered : int
+    errors : list of str
+    longest : float
+        What the longest call took, in s.
+    """
+
+    def __init__(
+        self, endpoint: str, values: Callable[[int], Sequence[float]] = usual, credentials: Path | None = None,
+        reconnect: bool = False, timeout: float = 0.1, client: str = "driver",
+    ) -> None:  # fmt: skip
+        self.values, self._reconnect, self._timeout = values, reconnect, timeout
+        self.samples: list[Mapping[str, Any]] = []
+        self.errors: list[str] = []
+        self.unanswered, self.longest, self.sessions = 0, 0.0, 0
+        self._link = Link(endpoint, INPUTS, OUTPUTS, credentials, client)
+        self._ending, self._thread = threading.Event(), threading.Thread(target=self._run, daemon=True)
+        self._orderly = True
+
+    def start(self, exchanges: int = 10, timeout: float = 10.0) -> Driver:
+        """Begin, and wait for the first answers."""
+        self._thread.start()
+        self.wait(exchanges, timeout)
+        return self
+
+    def wait(self, exchanges: int, timeout: float = 10.0) -> None:
+        """Wait for some more answers."""
+        wanted, until = len(self.samples) + exchanges, time.monotonic() + timeout
+        while len(self.samples) < wanted:
+            assert time.monotonic() < until, f"{len(self.samples)} of {wanted} answers; {self.errors}"
+            time.sleep(0.005)
+
+    def _run(self) -> None:
+        try:
+            while not self._ending.is_set() and self._connected() and self._reconnect:
+                time.sleep(0.05)
+            if self._orderly:
+                self._link.disconnect()
+        finally:
+            self._link.close()
+
+    def _connected(self) -> bool:
+        """Exchange as long as the session lasts; whether another one should be tried."""
+        try:
+            self._link.connect(0.0, 0.5)
+            self.sessions += 1
+            number, due = 0, time.monotonic()
+            while not self._ending.is_set():
+                begun = time.monotonic()
+                sample = self._link.exchange(self.values(number), PERIOD * number, PERIOD, self._timeout)
+                self.longest = max(self.longest, time.monotonic() - begun)
+                self.unanswered += sample is None
+                if sample is not None:
+                    self.samples.append(sample)
+                number, due = number + 1, max(due + PERIOD, time.monotonic() - 1.0)
+                self._ending.wait(max(0.0, due - time.monotonic()))
+        except LinkError as error:
+            self.errors.append(str(error))
+        return True
+
+    def hang(self) -> None:
+        """Say nothing any more, with the connection open."""
+        self._orderly = False
+        self.values = self._sleep
+
+    def _sleep(self, number: int) -> Sequence[float]:
+        self._ending.wait(60.0)
+        raise LinkError("woken up at the end of the test")
+
+    def stop(self, *, orderly: bool = True) -> None:
+        """End the thread."""
+        self._orderly = self._orderly and orderly
+        self._ending.set()
+        self._thread.join(10.0)
+        assert not self._thread.is_alive(), "the client hangs"
+
+
+def refusal(endpoint: str, credentials: Path | None = None, timeout: float = 2.0) -> str:
+    """Why one more client is not accepted; empty if it is."""
+    link = Link(endpoint, INPUTS, OUTPUTS, credentials, "another")
+    try:
+        link.connect(0.0, timeout)
+    except LinkError as error:
+        return str(error)
+    finally:
+        link.disconnect()
+        link.close()
+    return ""
+
+
+def main() -> None:
+    """Exchange until killed: a client as a process of its own."""
+    driver = Driver(sys.argv[1])
+    driver.start()
+    print("started", flush=True)
+    time.sleep(60.0)
+
+
+if __name__ == "__main__":
+    main()

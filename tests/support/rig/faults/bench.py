@@ -1,0 +1,224 @@
+"""A server, a cable and a client to break, and what is measured of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmus.rig_proxy.link import LinkError
+from orchestration.rig import operator
+from orchestration.rig.endpoint import endpoint
+from tests.support.rig.bad_link import LIMITS, BadLink
+from tests.support.rig.driver import Driver, refusal
+from tests.support.rig.process import Call, Server
+
+WATCHDOG, PERIOD = 0.2, 1 / 30  # s, of the server unless a kind says otherwise
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A kind of fault.
+
+    Attributes
+    ----------
+    kind, promise : str
+        For the table.
+    quick : bool
+        Whether the normal suite tries it.
+    provoke : callable
+        Brings it about and checks the promise.
+    """
+
+    kind: str
+    promise: str
+    quick: bool
+    provoke: Callable[[Bench], None]
+
+
+KINDS: list[Fault] = []
+
+
+def fault(kind: str, promise: str, *, quick: bool = False) -> Callable[[Callable[[Bench], None]], Any]:
+    """Put a kind of fault into the table."""
+
+    def add(provoke: Callable[[Bench], None]) -> Callable[[Bench], None]:
+        KINDS.append(Fault(kind, promise, quick, provoke))
+        return provoke
+
+    return add
+
+
+class Bench:
+    """One trial.
+
+    Parameters
+    ----------
+    folder : Path
+        For files.
+    allowance : float
+        Added to every bound, in s, for a machine that has other things to do.
+
+    Attributes
+    ----------
+    observed : str
+        What was seen, for the table.
+    measured, bound : float or None
+        Time to the safe state and what it has to be below, in s.
+    since : str
+        What it was measured from.
+    """
+
+    def __init__(self, folder: Path, allowance: float = 0.0) -> None:
+        self.folder, self.allowance = folder, allowance
+        self.observed, self.since = "", ""
+        self.measured: float | None = None
+        self.bound: float | None = None
+        self._open = ExitStack()
+        self.server: Server
+        self.link: BadLink
+        self.driver: Driver
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self._open.close()
+
+    def serve(self, backend: str = "Logged", *arguments: object, **more: Any) -> Server:
+        """Start a server."""
+        self.server = self._open.enter_context(Server(self.folder, backend, *arguments, **more))
+        self.server.wait_ready()
+        return self.server
+
+    def connect(self, **more: Any) -> Driver:
+        """Start a client, with a cable that can be made bad, and let it exchange."""
+        self.link = BadLink(self.server.endpoint)
+        self._open.callback(self.link.close)
+        self.driver = self.another(self.link.endpoint, **more)
+        return self.driver
+
+    def another(self, place: str, **more: Any) -> Driver:
+        """Start one more client, at an endpoint."""
+        driver = Driver(place, **more)
+        self._open.callback(driver.stop)
+        return driver.start()
+
+    def running(self, where: str, how: str, **options: object) -> Server:
+        """Start a server whose backend fails when the trigger is pulled, and a client."""
+        trigger = self.folder / "trigger"
+        server = self.serve("Faulty", options={"trigger": trigger, "where": where, "how": how, **options})
+        self.connect()
+        return server
+
+    def pull_trigger(self) -> float:
+        """Let the backend fail from now on; return when that was."""
+        now = time.monotonic()
+        self.server.trigger.touch()
+        return now
+
+    def last_fresh(self, before: float) -> float:
+        """When the last fresh command was handed to the server before a time."""
+        return max(when for when in self.link.fresh if when < before)
+
+    def safe_after(self, since: float, timeout: float = 15.0) -> Call:
+        """Wait for the safe state."""
+        return self.server.wait_call("safe", since, timeout)
+
+    def measure(self, start: float, safe: Call, since: str, more: float = 0.0) -> None:
+        """Note the time to the safe state, which must be below watchdog time, one period and something more."""
+        self.measured, self.since = safe.time - start, since
+        self.bound = WATCHDOG + PERIOD + more
+        assert self.measured < self.bound + self.allowance, (
+            f"{self.measured:.4f} s; below {self.bound:.4f} s is promised"
+        )
+
+    def measure_from_fresh(self, safe: Call, more: float = 0.0) -> None:
+        """Note the time from the last fresh command that the server was handed."""
+        self.measure(self.last_fresh(safe.time), safe, "last fresh command", more)
+
+    def measure_from_written(self, safe: Call, more: float = 0.0) -> None:
+        """Note the time from the last command that the device carried out."""
+        written = max(
+            call.time for call in self.server.calls() if call.what.startswith("write") and call.time < safe.time
+        )
+        self.measure(written, safe, "last command carried out", more)
+
+    def is_latched(self, part: str) -> None:
+        """The safe state must hold, say why, and refuse commands and clients, until it is acknowledged."""
+        until = time.monotonic() + 1.0  # the front hears of what the device did within 10 ms
+        while (status := self.status())["state"] != "safe" or part not in status["reason"]:
+            assert time.monotonic() < until, status
+            time.sleep(0.005)
+        assert "in its safe state since" in refusal(self.server.endpoint)
+        calls = self.server.calls()
+        last = max(k for k, call in enumerate(calls) if call.what == "safe")
+        assert not [call for call in calls[last:] if call.what.startswith("write")], "a command after the safe state"
+
+    def recovers(self) -> None:
+        """After an acknowledgement a client must be served again."""
+        answer = operator.acknowledge(endpoint(self.server.endpoint), 15.0)
+        assert answer["state"] == "idle", answer
+        driver = self.another(self.server.endpoint, client="after")
+        assert driver.samples[-1]["state"] == "running"
+        assert driver.samples[-1]["values"][0] is not None
+
+    def status(self) -> dict[str, Any]:
+        """How the server says it is."""
+        return operator.ask(endpoint(self.server.endpoint), "status", 5.0)
+
+    def goes_on(self, exchanges: int = 10) -> None:
+        """The client must be served as if nothing had happened."""
+        self.driver.wait(exchanges)
+        assert self.driver.samples[-1]["state"] == "running", self.driver.samples[-1]
+
+    def all_ended(self, family: set[int], timeout: float = 10.0) -> None:
+        """No process of a server may be left, where the system tells."""
+        until = time.monotonic() + timeout
+        while left := {pid for pid in family if _lives(pid)}:
+            assert time.monotonic() < until, f"left behind: {left}"
+            time.sleep(0.01)
+
+    def nothing_unsafe(self) -> None:
+        """Whatever was written must be within the limits."""
+        for call in self.server.calls() if hasattr(self, "server") else []:
+            if call.what.startswith("write"):
+                for value, (low, high) in zip(map(float, call.what.split()[1:]), LIMITS, strict=True):
+                    assert low <= value <= high, call
+
+
+def _lives(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def try_all(faults: list[Fault], folder: Path, tell: Callable[[str], None], allowance: float = 0.0) -> list[list[str]]:
+    """Try kinds of faults, one after another.
+
+    Returns
+    -------
+    list of list of str
+        Rows of the table: kind, promise, observed, time, from, bound, met.
+    """
+    rows = []
+    for number, kind in enumerate(faults):
+        place = folder / str(number)
+        place.mkdir()
+        with Bench(place, allowance) as bench:
+            begun = time.monotonic()
+            try:
+                kind.provoke(bench)
+                bench.nothing_unsafe()
+                met = "yes"
+            except (AssertionError, LinkError) as error:
+                met = "NO"
+                bench.observed = " ".join(str(error).split())[:300]
+        shown = [f"{value * 1000:.0f} ms" if value is not None else "" for value in (bench.measured, bench.bound)]
+        rows.append([kind.kind, kind.promise, bench.observed, shown[0], bench.since, shown[1], met])
+        tell(f"{met:3} {kind.kind}: {bench.observed} {shown[0]} ({time.monotonic() - begun:.1f} s)")
+    return rows

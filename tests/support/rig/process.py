@@ -1,0 +1,173 @@
+"""A server in processes of its own, its log, and what its backend was told."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+BACKENDS = Path(__file__).with_name("backends.py")
+ROOT = Path(__file__).parents[3]
+_START = 30.0  # s, on a busy machine
+_END = 30.0
+
+
+@dataclass(frozen=True)
+class Call:
+    """One call of the backend: when, by which process, and what."""
+
+    time: float
+    process: int
+    what: str
+
+
+class Server:
+    """``ppy rig serve`` with a backend that keeps a log.
+
+    Parameters
+    ----------
+    folder : Path
+        For its files.
+    backend : str
+        Class in `backends`, or one by name.
+    arguments : str
+        More of the command line.
+    options : dict
+        Of the backend, beside its log.
+    environment : dict, optional
+    stdout : int
+        Where else its lines go to; then they are read from its log file.
+    """
+
+    def __init__(
+        self, folder: Path, backend: str = "Logged", *arguments: object, options: dict[str, object] | None = None,
+        environment: dict[str, str] | None = None, stdout: int = subprocess.PIPE,
+    ) -> None:  # fmt: skip
+        self.trigger, self._calls = folder / "trigger", folder / "calls.log"
+        spec, given = backend, options or {}
+        if backend[0].isupper():
+            spec, given = f"{BACKENDS}:{backend}", {"log": self._calls, **given}
+        command = [
+            sys.executable, "-m", "orchestration.cli", "rig", "serve", "--backend", spec,
+            *(text for key, value in given.items() for text in ("--option", f"{key}={value}")), *map(str, arguments),
+        ]  # fmt: skip
+        self._log = None if stdout == subprocess.PIPE else folder / "server.log"
+        if self._log is not None:
+            command += ["--log", str(self._log)]
+        if not {"--port", "--endpoint"} & set(command):
+            command += ["--port", "0"]
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.PIPE, text=True,
+            encoding="utf-8", cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
+        )  # fmt: skip
+        self.lines: list[str] = []
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        self.endpoint = ""
+
+    def _read(self) -> None:
+        if self.process.stdout is not None:
+            for line in self.process.stdout:
+                self.lines.append(line.rstrip("\n"))
+        while self._log is not None and self.process.poll() is None:
+            self.lines[:] = self._log.read_text().splitlines() if self._log.exists() else []
+            time.sleep(0.01)
+
+    def wait_ready(self) -> str:
+        """Wait for the line that says where it is; return that."""
+        line = self.wait_line("ready: ", _START)
+        found = re.search(r"ready: (tcp://\S+) ", line)
+        assert found is not None
+        self.endpoint = found[1]
+        return self.endpoint
+
+    def wait_line(self, part: str, timeout: float = 10.0) -> str:
+        """Wait for a line of the log that holds a text."""
+        until = time.monotonic() + timeout
+        while time.monotonic() < until:
+            for line in self.lines:
+                if part in line:
+                    return line
+            if self.process.poll() is not None and not self._reader.is_alive():
+                break
+            time.sleep(0.005)
+        for line in self.lines:
+            if part in line:
+                return line
+        raise AssertionError(f"no line with {part!r} in {timeout:g} s; there were:\n" + "\n".join(self.lines))
+
+    def calls(self) -> list[Call]:
+        """What the backend was told so far."""
+        if not self._calls.exists():
+            return []
+        lines = self._calls.read_text().splitlines(keepends=True)
+        parts = [line.rstrip("\n").split(" ", 2) for line in lines if line.endswith("\n")]
+        return [Call(float(t), int(p), what) for t, p, what in parts]
+
+    def processes(self) -> set[int]:
+        """Those that ever had the backend."""
+        return {call.process for call in self.calls()}
+
+    def wait_call(self, what: str, after: float, timeout: float = 15.0) -> Call:
+        """Wait for a call that begins later than a time."""
+        until = time.monotonic() + timeout
+        while True:
+            for call in self.calls():
+                if call.what.startswith(what) and call.time > after:
+                    return call
+            if time.monotonic() > until:
+                raise AssertionError(f"no {what} in {timeout:g} s; log:\n" + "\n".join(self.lines))
+            time.sleep(0.005)
+
+    def family(self) -> set[int]:
+        """All processes of the server, where the system tells."""
+        family = {self.process.pid}
+        found: dict[int, int] = {}
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                fields = stat.read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if fields[0] != "Z":
+                found[int(stat.parent.name)] = int(fields[1])
+        while new := {pid for pid, parent in found.items() if parent in family} - family:
+            family |= new
+        return family
+
+    def send(self, number: signal.Signals) -> None:
+        """Send the front a signal."""
+        self.process.send_signal(number)
+
+    def wait_end(self, timeout: float = _END) -> int:
+        """Wait for its exit status."""
+        code = self.process.wait(timeout)
+        self._reader.join(5.0)
+        return code
+
+    def errors(self) -> str:
+        """What it wrote to standard error; after its end."""
+        assert self.process.stderr is not None
+        return self.process.stderr.read()
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        for stop in (self.process.terminate, self.process.kill):
+            if self.process.poll() is None:
+                stop()
+                try:
+                    self.process.wait(_END)
+                except subprocess.TimeoutExpired:
+                    continue
+        self._reader.join(5.0)
+        for stream in (self.process.stdout, self.process.stderr):
+            if stream is not None:
+                stream.close()

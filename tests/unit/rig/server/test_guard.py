@@ -1,0 +1,31 @@
+"""Claims: the guard holds a device for hung or late when it is, and leaves one alone that is slow but well."""
+
+from __future__ import annotations
+
+import pytest
+
+from orchestration.rig.server.board import REST, RUN, Beat, Command
+from orchestration.rig.server.guard import fault_of
+
+NOW, WATCHDOG, PERIOD = 100.0, 0.2, 1 / 30
+
+
+@pytest.mark.parametrize(
+    ("age", "where", "order", "command_age", "safe", "part"),
+    [
+        (0.0, b"sleep", RUN, 0.0, False, ""),
+        (0.14, b"read()", RUN, 0.1, False, ""),  # slow
+        (0.16, b"read()", RUN, 0.0, False, "the device hangs: read() for 0.16 s"),
+        (0.16, b"safe()", REST, 0.0, False, "the device hangs: safe()"),
+        (0.16, b"read()", REST, 0.0, True, "the device hangs: read()"),
+        (0.01, b"read()", RUN, 0.21, False, ""),  # the device has half a period to go safe by itself
+        (0.01, b"read()", RUN, 0.22, False, "no fresh command for 0.2 s, and the device did not go safe"),
+        (0.01, b"sleep", RUN, 0.22, True, ""),  # it did
+        (0.01, b"sleep", REST, 9.0, False, ""),  # no session
+    ],
+)
+def test_judgement(age, where, order, command_age, safe, part):
+    beat = Beat(NOW - age, 1, True, safe, where)
+    reason = fault_of(beat, Command(order, 0, NOW - command_age), NOW, WATCHDOG, PERIOD)
+    assert part in reason
+    assert bool(reason) == bool(part)

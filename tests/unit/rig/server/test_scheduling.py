@@ -1,0 +1,66 @@
+"""Claims: deadlines never drift nor pile up; what cannot be had of priority and core is a note."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+from math import isclose
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orchestration.rig.server.scheduling import Deadlines
+
+
+@given(st.floats(1e-3, 10.0), st.floats(0.0, 1e6), st.lists(st.floats(0.0, 30.0), max_size=50))
+def test_deadlines_are_whole_periods_from_the_start_and_none_is_in_the_past(period, start, delays):
+    deadlines, now = Deadlines(period, start), start
+    for taken, delay in enumerate(delays, start=1):
+        deadlines.advance(now)
+        number = (deadlines.next - start) / period
+        assert isclose(number, round(number), abs_tol=1e-6 * max(1.0, start / period))
+        assert deadlines.next > now - 1e-9 * max(1.0, start)
+        assert round(number) == taken + deadlines.missed
+        now = deadlines.next + delay
+
+
+def test_waking_early_is_no_missed_deadline():
+    deadlines = Deadlines(1.0, 0.0)
+    deadlines.advance(0.0)
+    deadlines.advance(0.3)  # woken by an order in the middle
+    assert (deadlines.next, deadlines.missed) == (2.0, 0)
+    deadlines.advance(5.5)
+    assert (deadlines.next, deadlines.missed) == (6.0, 3)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="cores as Linux has them")
+def test_a_core_is_taken_or_it_is_noted_why_not():
+    """In a process of its own, which this is not to be kept on one core."""
+    code = (
+        "import os; from orchestration.rig.server.scheduling import prefer; "
+        "core = min(os.sched_getaffinity(0)); "
+        "assert prefer(None, core) == [] and os.sched_getaffinity(0) == {core}; "
+        "notes = prefer(None, 100000); assert len(notes) == 1 and notes[0].startswith('--cpu 100000: '), notes; "
+        "os.setuid(65534) if os.getuid() == 0 else None; "
+        "notes = prefer(50, None); print(*notes)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() in ("", "--priority 50: Operation not permitted; it goes on without")
+
+
+def test_the_collector_leaves_what_was_there_and_collects_what_is_new():
+    code = (
+        "import gc, weakref; from orchestration.rig.server.scheduling import Collector\n"
+        "class Knot: pass\n"
+        "collector = Collector(); assert not gc.isenabled() and gc.get_freeze_count() > 0\n"
+        "knot = Knot(); knot.itself = knot; seen = weakref.ref(knot); del knot\n"
+        "assert seen() is not None; collector.collect(5.0); assert seen() is None\n"
+        "knot = Knot(); knot.itself = knot; seen = weakref.ref(knot); del knot\n"
+        "collector.collect(5.5); assert seen() is not None; collector.collect(6.5); assert seen() is None\n"
+    )
+    assert gc.isenabled()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
