@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from orchestration.cli.rig import bridge, keys
+from orchestration.cli.rig import bridge, keys, watch
 
 rig = typer.Typer(
     name="rig",
@@ -14,3 +14,4 @@ rig = typer.Typer(
 )
 rig.command("bridge")(bridge.bridge)
 rig.command("keys")(keys.keys)
+rig.command("watch")(watch.watch)
