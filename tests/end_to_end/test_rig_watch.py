@@ -18,7 +18,7 @@ from orchestration.rig.keys import make_keys
 from tests.support.browser import chromium
 from tests.support.command import posix, refused
 from tests.support.rig.client import Session
-from tests.support.rig.server import SmallRig, free_port
+from tests.support.rig.small_rig import SmallRig, free_port
 
 PROMISED = 1.0  # s until the page says that contact is lost
 ALLOWANCE = 1.0  # s more, for a machine on which a browser and other tests compete for two cores
@@ -207,7 +207,7 @@ def test_what_the_rig_says_is_text(tab):
 def test_a_server_that_is_killed_is_missed_within_a_second_and_found_again(tab):
     port = free_port()
     server = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.rig.server", str(port)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "tests.support.rig.small_rig", str(port)], stdout=subprocess.PIPE, text=True
     )
     try:
         assert server.stdout.readline() == "ready\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from orchestration.cli.rig import bridge, keys, watch
+from orchestration.cli.rig import bridge, keys, record, watch
 
 rig = typer.Typer(
     name="rig",
@@ -14,4 +14,5 @@ rig = typer.Typer(
 )
 rig.command("bridge")(bridge.bridge)
 rig.command("keys")(keys.keys)
+rig.command("record")(record.record)
 rig.command("watch")(watch.watch)
