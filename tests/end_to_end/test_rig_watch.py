@@ -310,6 +310,21 @@ def test_stop_pressed_by_mouse_stops_the_rig(tab):
         assert {m["type"] for m in rig.heard} == {"connect", "exchange", "status", "stop"}
 
 
+def test_a_page_that_outlives_its_program_can_stop_again_with_the_next_one(tab):
+    with SmallRig() as rig:
+        with watching(rig.port) as watch:
+            port = watch.address.rstrip("/").rsplit(":", 1)[1]
+            tab.open(watch.address, 1280)
+            until(lambda: text(tab, "state") == "idle")
+        until(lambda: is_lost(tab))
+        with watching(rig.port, "--port", port):
+            until(lambda: not is_lost(tab) and text(tab, "state") == "idle")
+            until(lambda: tab.run("document.readyState") == "complete" and tab.run(SHOWN))
+            tab.run("document.getElementById('stop').click()")
+            until(lambda: text(tab, "state") == "safe state")
+            assert len(rig.of_type("stop")) == 1
+
+
 @pytest.mark.parametrize("width", [1280, 400])
 def test_stop_is_the_first_that_the_keyboard_reaches(tab, width):
     with SmallRig() as rig, watching(rig.port) as watch:

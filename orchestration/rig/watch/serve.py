@@ -71,7 +71,7 @@ class PageServer(ThreadingHTTPServer):
         self.name, self.feed, self.stop = name, feed, stop
         self.port = int(self.server_address[1])
         self.hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
-        self.token = secrets.token_urlsafe(32)
+        self.token, self.instance = secrets.token_urlsafe(32), secrets.token_hex(8)
         self.pages = threading.BoundedSemaphore(_PAGES)
 
     @property
@@ -96,8 +96,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         path = self.path.partition("?")[0]
         if path == "/":
-            page = _file("page.html").replace("{token}", self.server.token)
-            self._send(HTTPStatus.OK, "text/html", page.replace("{name}", html.escape(self.server.name)))
+            self._send(HTTPStatus.OK, "text/html", self._page())
         elif path == "/stream":
             self._stream()
         elif (name := path.removeprefix("/")) in _TYPES:
@@ -116,6 +115,12 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.NOT_FOUND, "text/plain", "there is nothing to command but stop")
         else:
             self._stop()
+
+    def _page(self) -> str:
+        page = _file("page.html")
+        for name in ("token", "instance", "name"):
+            page = page.replace(f"{{{name}}}", html.escape(getattr(self.server, name)))
+        return page
 
     def _is_ours(self) -> bool:
         """Answer nobody who came by another name: a foreign site's name may lead to this machine."""
@@ -156,7 +161,8 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.pages.release()
 
     def _tell(self, items: list[dict[str, Any]], first: bool = False) -> None:
-        message = json.dumps({"now": monotonic(), "first": first, "items": items}, allow_nan=False)
+        about = {"now": monotonic(), "first": first, "instance": self.server.instance}
+        message = json.dumps({**about, "items": items}, allow_nan=False)
         self.wfile.write(f"data: {message}\n\n".encode())
 
     def _send_json(self, status: HTTPStatus, data: dict[str, Any]) -> None:

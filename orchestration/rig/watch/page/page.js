@@ -14,6 +14,7 @@ let contact = { server: false, samples: false }, heard = null, offset = null, ev
 const opened = performance.now();
 
 const clock = () => performance.now() / 1000 - offset; // the clock that samples are stamped with
+const meta = name => document.querySelector(`meta[name=${name}]`).content;
 const set = (element, text) => { if (element.textContent !== text) element.textContent = text; };
 
 function make(tag, name, ...children) {
@@ -28,6 +29,11 @@ function make(tag, name, ...children) {
 const source = new EventSource("/stream");
 source.onmessage = ({ data }) => {
   const message = JSON.parse(data);
+  if (message.instance !== meta("rig-instance")) { // started again: it does not know this page's stop button
+    source.close();
+    location.reload();
+    return;
+  }
   heard = performance.now();
   if (message.first) {
     samples = [];
@@ -205,8 +211,7 @@ place("stop").addEventListener("click", async () => {
   told.className = "";
   told.textContent = "Stopping…";
   try {
-    const token = document.querySelector("meta[name=rig-token]").content;
-    const answer = await fetch("/stop", { method: "POST", headers: { "X-Rig-Token": token },
+    const answer = await fetch("/stop", { method: "POST", headers: { "X-Rig-Token": meta("rig-token") },
       signal: AbortSignal.timeout(4000) });
     const { confirmed } = await answer.json();
     if (!confirmed) throw new Error("not confirmed");
