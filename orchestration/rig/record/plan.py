@@ -31,8 +31,10 @@ class Plan:
     ----------
     experiment : Experiment
         With duration and step as they will be.
-    inputs, outputs : Mapping of str to str
-        Of the rig, and their units.
+    inputs : Mapping of str to str
+        All of the rig, and their units.
+    outputs : Mapping of str to str
+        Those of the rig that are recorded, and their units.
     time : ndarray, shape (n,)
         Of the rows of the record, in s.
     values : ndarray, shape (n, number of inputs)
@@ -112,13 +114,11 @@ def plan(
     for name, values in columns.items():
         limit = rig["limits"].get(name, {})
         _check_limits(values, limit, step / exchanges, rig["inputs"][name], f"{where}: inputs.{name}")
-    for name in [n for n in experiment.record or () if n not in rig["outputs"] and n not in rig["inputs"]]:
-        note(f"the rig does not measure {name}; it is not recorded")
     values = np.column_stack(list(columns.values()))
     old = _OLD * step if max_age is None else max_age
     return Plan(
-        experiment, rig["inputs"], rig["outputs"], time, values, exchanges, rig["period"], rig["watchdog"],
-        rig["limits"], old,
+        experiment, rig["inputs"], _outputs(experiment, rig, where, note), time, values, exchanges,
+        rig["period"], rig["watchdog"], rig["limits"], old,
     )  # fmt: skip
 
 
@@ -160,6 +160,17 @@ def _check_signals(experiment: Experiment, rig: Mapping[str, Any], where: str) -
         there = {**rig["outputs"], **rig["inputs"]}.get(name, unit)
         if there != unit:
             raise UserError(f"{where}: {name} is in {unit} in {experiment.component}, and in {there} on the rig")
+
+
+def _outputs(experiment: Experiment, rig: Mapping[str, Any], where: str, note: Callable[[str], None]) -> dict[str, str]:
+    """Outputs that the experiment wants recorded and the rig measures; if it names none, all."""
+    wanted = [name for name in experiment.record or rig["outputs"] if name not in rig["inputs"]]
+    for name in [name for name in wanted if name not in rig["outputs"]]:
+        note(f"the rig does not measure {name}; it is not recorded")
+    found = {name: rig["outputs"][name] for name in wanted if name in rig["outputs"]}
+    if not found:
+        raise UserError(f"{where}: record: the rig measures nothing of it; it measures {', '.join(rig['outputs'])}")
+    return found
 
 
 def _declared(experiment: Experiment) -> dict[str, str]:

@@ -111,6 +111,17 @@ def test_it_is_the_signal_that_ppy_run_would_send(tmp_path, experiment):
     assert {name: a.units for name, a in data.items()} == INPUTS | OUTPUTS | {f"{name}_age": "s" for name in OUTPUTS}
 
 
+def test_what_the_experiment_wants_recorded(tmp_path, experiment):
+    path = experiment(0.3)
+    with SmallRig() as rig:
+        only = recorded(rig, tmp_path, path, "--set", 'record=["displacement", "charge"]')
+        whatever = recorded(rig, tmp_path, experiment(0.3, text=LEVELS.replace('record = ["voltage"', '# ["voltage"')))
+        arguments = ("rig", "record", "--stimulus", path, "--out", "other.nc", "--endpoint", rig.endpoint)
+        refused(tmp_path, *arguments, "--set", 'record=["charge"]', parts=["record", "voltage, displacement"])
+    assert list(only) == ["current", "force", "displacement", "displacement_age"]
+    assert {"voltage", "displacement"} <= set(whatever)
+
+
 def test_every_format(tmp_path, experiment):
     path = experiment(0.3)
     with SmallRig() as rig:
