@@ -5,8 +5,15 @@ const PREFIXES = { "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M" };
 const PREFIXED = ["A", "V", "N", "m", "W", "J", "Pa", "s", "Hz", "C", "F", "ohm", "Ω"];
 const LEFT = 58, BOTTOM = 20, TOP = 6, RIGHT = 4;
 
-// How numbers of a size are shown: factor, unit and decimals, so that four digits of the largest are seen.
-export function notation(size, unit) {
+// How a signal is shown whose limits have a size and whose values were at most so large: factor, unit and decimals, so
+// that four digits of the limit are seen, and of much smaller values a digit or two more.
+export function notation(size, largest, unit) {
+  const how = notationOf(size || largest || 1, unit);
+  const smaller = size > 0 && largest > 0 ? Math.floor(Math.log10(size / largest)) : 0;
+  return { ...how, decimals: how.decimals + Math.min(2, Math.max(0, smaller)) };
+}
+
+function notationOf(size, unit) {
   let exponent = 0;
   if (PREFIXED.includes(unit) && size > 0) {
     exponent = Math.min(6, Math.max(-9, 3 * Math.floor(Math.log10(size) / 3 + 1e-9)));
@@ -26,18 +33,19 @@ export function shortened(value, how) {
   return String(Number((value * how.factor).toPrecision(4))).replace("-", "−");
 }
 
-function ends(points, limit) {
+function ends(points, limit, held) {
   let low = Infinity, high = -Infinity;
   for (const [, value] of points) {
     if (value !== null) { low = Math.min(low, value); high = Math.max(high, value); }
   }
   if (low > high) { low = limit.min ?? 0; high = limit.max ?? Math.max(1, low + 1); }
   const bounded = limit.min !== null && limit.max !== null;
-  if (bounded && high - low >= 0.1 * (limit.max - limit.min)) { // whoever moves that much is seen between its limits
+  // a command is seen between its limits, and so is what moves over a good part of them
+  if (bounded && (held || high - low >= 0.1 * (limit.max - limit.min))) {
     low = Math.min(low, limit.min); high = Math.max(high, limit.max);
   }
   const size = bounded ? limit.max - limit.min : Math.max(Math.abs(low), Math.abs(high));
-  const least = size > 0 ? 0.02 * size : 1e-9;
+  const least = size > 0 ? 0.02 * size : 1;
   if (high - low < least) { const middle = (high + low) / 2; low = middle - least / 2; high = middle + least / 2; }
   const margin = 0.08 * (high - low);
   return [low - margin, high + margin];
@@ -62,7 +70,7 @@ export function draw(canvas, points, { now, limit, how, held, gap, colours }) {
   const pen = canvas.getContext("2d");
   pen.setTransform(scale, 0, 0, scale, 0, 0);
   pen.clearRect(0, 0, width, height);
-  const [low, high] = ends(points, limit);
+  const [low, high] = ends(points, limit, held);
   const x = t => width - RIGHT - (now - t) / WINDOW * (width - LEFT - RIGHT);
   const y = v => height - BOTTOM - (v - low) / (high - low) * (height - TOP - BOTTOM);
   const floor = height - BOTTOM, right = width - RIGHT;

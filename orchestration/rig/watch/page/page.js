@@ -122,7 +122,7 @@ function show(signal, now, last, paint) {
   const points = samples.map(sample => [sample.at, sample[role][name] ?? null]);
   const value = last ? last[role][name] ?? null : null;
   const largest = points.reduce((most, [, v]) => Math.max(most, Math.abs(v ?? 0)), 0);
-  const how = notation(signal.size || largest || 1, unit);
+  const how = notation(signal.size, largest, unit);
   set(part.value, value === null ? "–" : written(value, how));
   set(part.unit, how.unit);
   const limits = { low: ["min", limit.min], high: ["max", limit.max] };
