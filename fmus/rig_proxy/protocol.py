@@ -6,7 +6,7 @@ Needs Python alone: it travels inside the Python FMU, and the server has it from
 from __future__ import annotations
 
 import json
-import math
+import sys
 from typing import Any
 
 from ..kit.errors import UserError
@@ -15,6 +15,7 @@ VERSION = 1
 MAX_FRAME = 65536  # bytes
 ENDPOINT = "tcp://127.0.0.1:5570"
 
+_LARGEST = sys.float_info.max
 REAL_TIME, LOCKSTEP = "real-time", "lockstep"
 IDLE, RUNNING, SAFE = "idle", "running", "safe"
 
@@ -28,7 +29,8 @@ def _is_text(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    # a comparison, because a whole number of hundreds of digits, which JSON may have, cannot be made a float
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -_LARGEST <= value <= _LARGEST
 
 
 def _is_count(value: Any) -> bool:

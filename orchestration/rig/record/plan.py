@@ -129,6 +129,9 @@ def _check_state(rig: Mapping[str, Any]) -> None:
         raise UserError(f"the rig is in its safe state: {rig['reason']} (ppy rig acknowledge releases it)")
     if rig["client"]:
         raise UserError(f"the rig has a client already: {rig['client']}")
+    for what in ("period", "watchdog"):
+        if not rig[what] > 0.0:
+            raise UserError(f"the rig states a {what} of {rig[what]:g} s; it must be above 0")
     if not rig["inputs"] or not rig["outputs"]:
         raise UserError("the rig has nothing to drive or nothing to measure")
 

@@ -231,6 +231,8 @@ def test_more_than_the_rig_allows(tmp_path, experiment):
         ({"outputs": {"voltage": "mV", "displacement": "m"}}, ["voltage is in V", "mV on the rig"]),
         ({"period": 0.1}, ["20 rows a second", "samples 10 times", "--rate 10"]),
         ({"mode": "lockstep"}, ["lockstep"]),
+        ({"watchdog": 0.0}, ["watchdog of 0 s"]),
+        ({"outputs": {}}, ["nothing to measure"]),
     ):
         with SmallRig(**kinds) as rig:
             refused(
