@@ -1,4 +1,4 @@
-"""Claims: a record of a rig goes straight into a diagnosis, through keys and a bridge too, which names what is hidden."""
+"""Claims: a record of a rig, made through keys and a bridge, goes straight into a diagnosis, which names the cause."""
 
 from __future__ import annotations
 
