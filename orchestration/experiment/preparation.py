@@ -94,7 +94,7 @@ def prepare(experiment: Experiment, on: Subject, where: str, note: Callable[[str
     if experiment.system:
         resolved["master"] = experiment.master or Master()
     experiment = experiment.model_copy(update=resolved)
-    time = _points(experiment, where)
+    time = points(experiment, where)
     settings = dict(on.settings) | _settings(experiment, on, where)
     inputs = _inputs(experiment, on, time, where, note)
     record = list(on.usual if experiment.record is None else experiment.record)
@@ -109,7 +109,8 @@ def prepare(experiment: Experiment, on: Subject, where: str, note: Callable[[str
     return Preparation(experiment, on, time, settings, inputs, noise, record)
 
 
-def _points(experiment: Experiment, where: str) -> Array:
+def points(experiment: Experiment, where: str) -> Array:
+    """Return communication points in s of an experiment with a duration and a step; UserError if there are none."""
     try:
         return simulate.grid(0.0, experiment.duration or 0.0, experiment.step or 0.0)
     except UserError as error:
@@ -136,20 +137,51 @@ def _inputs(
     experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
 ) -> dict[str, Array]:
     values = {}
-    for name, stimulus in experiment.inputs.items():
-        here = f"{where}: inputs.{name}"
+    for name in experiment.inputs:
         signal = known(name, on.inputs, f"{on.name} has no input", where)
-        place = Place(name, signal.unit, _seed(experiment, name))
-        try:
-            values[name] = stimulus.values(time, place)
-        except UserError as error:
-            raise UserError(f"{here}: {error}") from error
-        _within(signal, values[name], here)
-        for line in place.notes:
-            note(f"{here}: {line}")
+        values[name] = stimulus_values(experiment, name, signal.unit, time, where, note)
+        _within(signal, values[name], f"{where}: inputs.{name}")
     for name, signal in on.inputs.items():
         if name not in values:
             note(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")
+    return values
+
+
+def stimulus_values(
+    experiment: Experiment, name: str, unit: str, time: Array, where: str, note: Callable[[str], None]
+) -> Array:
+    """Return what an experiment sends into an input.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    name, unit : str
+        Of the input.
+    time : ndarray, shape (n,)
+        Communication points in s.
+    where : str
+        File or name of the experiment, for messages.
+    note : callable
+        Called with a line for each repair in a file.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the unit of the input.
+
+    Raises
+    ------
+    UserError
+        For a wrong unit, and for numbers that make no such signal.
+    """
+    here = f"{where}: inputs.{name}"
+    place = Place(name, unit, _seed(experiment, name))
+    try:
+        values = experiment.inputs[name].values(time, place)
+    except UserError as error:
+        raise UserError(f"{here}: {error}") from error
+    for line in place.notes:
+        note(f"{here}: {line}")
     return values
 
 

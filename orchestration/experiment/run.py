@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-import platform
 from collections.abc import Callable
-from datetime import UTC, datetime
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmus.kit.errors import UserError
 from orchestration.experiment import results
+from orchestration.experiment.about import about_experiment, about_pace
 from orchestration.experiment.live import Follower, Live, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
@@ -121,31 +119,12 @@ def _results(prepared: Preparation, done: Run, where: str, note: Callable[[str],
     return results.dataset(prepared.time[:count], values, prepared.signals, set(prepared.inputs), about)
 
 
-def _about_pace(done: Run) -> dict[str, Any]:
-    """Return how well a run kept pace with real time, if it had to."""
-    pacing = done.statistics.pacing
-    if pacing is None:
-        return {}
-    return {
-        "deadlines": pacing.deadlines, "missed_deadlines": pacing.missed,
-        "worst_lag": pacing.worst_lag, "worst_lag_at": pacing.worst_at,
-        "lateness": json.dumps({"upper_bounds": pacing.edges, "counts": pacing.counts}),
-    }  # fmt: skip
-
-
 def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
     """Return all that it takes to make the experiment again."""
-    experiment, on = prepared.experiment, prepared.on
+    on = prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
     numbers = {n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}" for n, v in prepared.settings.items()}
-    return _about_pace(done) | {
-        "title": experiment.title or where, "source": experiment.source, "subject": on.name,
-        "complete": int(done.complete), "duration": experiment.duration, "step": experiment.step,
-        "seed": experiment.seed, "runtime": experiment.runtime,
-        "over": experiment.over, "wall_time": done.statistics.wall,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "versions": f"ppy-rig {version('ppy-rig')}, numpy {np.__version__}, Python {platform.python_version()}",
-        "guids": json.dumps(dict(on.guids)),
-        "parameters": json.dumps(numbers),
-        "experiment": experiment.model_dump_json(exclude_none=True),
+    return about_pace(done.statistics.pacing) | about_experiment(prepared.experiment, where) | {
+        "subject": on.name, "complete": int(done.complete), "wall_time": done.statistics.wall,
+        "guids": json.dumps(dict(on.guids)), "parameters": json.dumps(numbers),
     }  # fmt: skip

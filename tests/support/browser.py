@@ -18,7 +18,7 @@ _PATIENCE = 60.0  # seconds for one answer
 _FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--hide-scrollbars",
-    "--host-resolver-rules=MAP * ~NOTFOUND",  # whatever is asked of the network fails, and so shows
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # whatever is asked of the network fails, and so shows
 )  # fmt: skip
 
 
@@ -87,15 +87,15 @@ class Tab:
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
-    def open(self, page: Path, width: int, height: int = 900) -> None:
-        """Load a file in a window of this size and wait until it stands."""
+    def open(self, page: Path | str, width: int, height: int = 900) -> None:
+        """Load a file or an address in a window of this size and wait until it stands."""
         mobile = width < 600
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
         self.call("Emulation.setTouchEmulationEnabled", enabled=mobile)
         before = self._loaded
         self.requests.clear()
         self.complaints.clear()
-        self.call("Page.navigate", url=page.absolute().as_uri())
+        self.call("Page.navigate", url=page if isinstance(page, str) else page.absolute().as_uri())
         while self._loaded == before:
             self._note(self._next())
         self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")

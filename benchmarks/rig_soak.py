@@ -1,0 +1,104 @@
+"""A long session at 100 Hz whose memory must stay flat: ``python -m benchmarks.rig_soak``, or ``make soak``.
+
+The native and the Python proxy, each at a served rig of its own, step in this process in turns; memory is that of this
+process and of all processes of both servers, read while they work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+from time import monotonic
+
+import numpy as np
+
+from fmus import component
+from fmus.kit.build import RUNTIMES, build_cached
+from orchestration.fmu.instance import Fmu
+from tests.support.rig.process import Server
+
+from . import machine
+from .tables import Table, Topic
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "rig-soak.md"
+RATE = 100.0  # Hz
+_SETTLED = 60.0  # s after which memory is looked at; allocators and caches have what they need by then
+_EVERY = 5.0  # s between two looks
+_ALLOWED = 1.0  # MB that a process may have grown by at the end, of which pages of the system are a part
+
+
+def measure(seconds: float) -> tuple[Topic, bool]:
+    """Run for a while.
+
+    Parameters
+    ----------
+    seconds : float
+
+    Returns
+    -------
+    topic : Topic
+    flat : bool
+        Whether no process has grown by more than what is allowed.
+    """
+    seen: dict[str, list[float]] = {}
+    missed: dict[str, float] = {}
+    steps = round(seconds * RATE)
+    with ExitStack() as opened:
+        proxies = {}
+        processes = {"the master with both proxies": Path("/proc/self/statm")}
+        for runtime in RUNTIMES:
+            folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="ppy-soak-")))
+            server = opened.enter_context(Server(folder, "emulator", "--rate", RATE, logged=False))
+            fmu = Fmu(build_cached(component("rig_proxy"), runtime), {"endpoint": server.wait_ready()}, runtime)
+            proxies[runtime] = opened.enter_context(fmu)
+            for number, process in enumerate(sorted(server.family())):
+                processes[f"server of the {runtime} proxy, process {number + 1}"] = Path(f"/proc/{process}/statm")
+        names = ["current", "force"]
+        setters = [fmu.writer(names) for fmu in proxies.values()]
+        for fmu in proxies.values():
+            fmu.start()
+        begin = looked = monotonic()
+        settled = min(_SETTLED, 0.3 * seconds)
+        for k in range(steps):
+            values = np.array([0.5 * np.sin(0.01 * k), 1.0])
+            for fmu, write in zip(proxies.values(), setters, strict=True):
+                write(values)
+                fmu.do_step(k / RATE, 1.0 / RATE)
+            now = monotonic()
+            if now - looked >= _EVERY or k + 1 == steps:
+                looked = now
+                if now - begin >= settled:
+                    for name, path in processes.items():
+                        seen.setdefault(name, []).append(int(path.read_text().split()[1]) * 4096 / 1e6)
+                    print(f"{now - begin:.0f} s of {seconds:.0f} s", end="\r", flush=True, file=sys.stderr)
+        for runtime, fmu in proxies.items():
+            missed[runtime] = float(fmu.reader(["missed_deadlines"])()[0])
+    growth = {name: memory[-1] - memory[0] for name, memory in seen.items()}
+    flat = all(grown <= _ALLOWED for grown in growth.values())
+    rows = [[name, f"{memory[0]:.1f}", f"{memory[-1]:.1f}", f"{growth[name]:+.2f}"] for name, memory in seen.items()]
+    told = ", ".join(f"{count:.0f} of {steps} by the {runtime} one" for runtime, count in missed.items())
+    table = Table(["process", f"MB after {settled:.0f} s", f"MB after {seconds:.0f} s", "growth, MB"], rows)
+    text = [f"{seconds:.0f} s at {RATE:g} Hz. Deadlines missed: {told}. Allowed growth: {_ALLOWED:g} MB."]
+    return Topic("Memory of a long session", text, [table]), flat
+
+
+def main() -> int:
+    """Run the command line; the exit status tells whether memory stayed flat."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.rig_soak", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--out", type=Path, help="page to write; default docs/rig-soak.md after ten minutes")
+    chosen = parser.parse_args()
+    topic, flat = measure(chosen.seconds)
+    page = chosen.out or (PAGE if chosen.seconds >= 600.0 else None)
+    text = f"# Soak\n\nWritten by `make soak`.\n\n{machine.describe()}\n\n{topic}\n"
+    print(text)
+    if page is not None:
+        page.write_text(text, encoding="utf-8")
+    return 0 if flat else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
