@@ -1,4 +1,4 @@
-"""Claims: the experiment for identification is one of 45 s at 30 Hz; with noise on the outputs it gives the parameters."""
+"""Claims: the experiment for identification is one of 45 s at 30 Hz, and gives the parameters in spite of noise."""
 
 from __future__ import annotations
 
