@@ -40,10 +40,10 @@ def measure(quick: bool = False) -> Topic:
             rows.append([f"{rate} Hz, {name}", *(1e6 * float(x) for x in values), *map(float, ratios)])
     columns = ["rate, who", "median, µs", "99 %, µs", "worst, µs", "median over the bare loop's", "99 % over it"]
     remark = (
-        "How much later than its deadline each communication point was reached. Deadlines are absolute in both; the bare "
-        f"loop computes nothing and sleeps. {rounds} rounds of {seconds:g} s each, in turns. The master sleeps a little "
-        "less than it must and turns round for the rest, so its median is below the loop's. What is worst is the "
-        "machine's doing in both."
+        "How much later than its deadline each communication point was reached. Deadlines are absolute in both; the "
+        f"bare loop computes nothing and sleeps. {rounds} rounds of {seconds:g} s each, in turns. The master sleeps a "
+        "little less than it must and turns round for the rest, so its median is below the loop's. What is worst is "
+        "the machine's doing in both."
     )
     return Topic("Real time", [remark, Table(columns, rows)])
 
