@@ -96,6 +96,8 @@ def test_status():
     }
     told = "link stale, age 512 ms, round trip 2.0 ms"
     assert status(Moment(0.0, 1.0, -0.5, 0, link, "")) == f"0.0 s of 1 s, lag 0.0 ms, missed 0, {told}"
+    others = link | {"second.link_state": 3.0, "second.voltage_age": 0.1, "second.round_trip_time": 4e-3}
+    assert status(Moment(0.0, 1.0, 0.0, 0, others, "")).endswith("link lost, age 512 ms, round trip 4.0 ms")
     assert "link 7" in status(Moment(0.0, 1.0, 0.0, 0, {"link_state": 7.0}, ""))
 
 
