@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from . import ageing, building, coupling, diagnosing, importing, machine, master, record, stepping
+from . import ageing, building, coupling, diagnosing, importing, machine, master, pacing, record, stepping
 from .tables import Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
@@ -16,6 +16,7 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
     "ageing": ageing.measure,
     "master": master.measure,
     "coupling": coupling.measure,
+    "pacing": pacing.measure,
     "diagnose": diagnosing.measure,
     "import": importing.measure,
     "build": building.measure,

@@ -74,15 +74,19 @@ def status(moment: Moment) -> str:
         f"{moment.time:.1f} s of {moment.end:g} s", f"lag {1e3 * max(0.0, moment.lag):.1f} ms",
         f"missed {moment.missed}",
     ]  # fmt: skip
-    link = {name.rpartition(".")[2]: value for name, value in moment.link.items()}
-    if (state := link.get("link_state")) is not None:
+    if (state := _worst(moment, "link_state")) is not None:
         known = state in range(len(_LINK_STATES))
         parts.append(f"link {_LINK_STATES[int(state)] if known else f'{state:g}'}")
-    if ages := [value for name, value in link.items() if name.endswith("_age")]:
-        parts.append(f"age {1e3 * max(ages):.0f} ms")
-    if (trip := link.get("round_trip_time")) is not None:
+    if (age := _worst(moment, "_age")) is not None:
+        parts.append(f"age {1e3 * age:.0f} ms")
+    if (trip := _worst(moment, "round_trip_time")) is not None:
         parts.append(f"round trip {1e3 * trip:.1f} ms")
     return ", ".join(parts)
+
+
+def _worst(moment: Moment, ending: str) -> float | None:
+    """Greatest of the values about links whose names end so; None if there is none."""
+    return max((value for name, value in moment.link.items() if name.endswith(ending)), default=None)
 
 
 @contextmanager

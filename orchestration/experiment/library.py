@@ -6,10 +6,11 @@ from pathlib import Path
 
 
 def shipped() -> dict[str, Path]:
-    """Files of the experiments that ship, by name, in the order of their figures."""
+    """Files of the experiments that ship, by name: those of the thesis in the order of their figures, then others."""
     folder = Path(str(files("orchestration.experiment") / "library"))
-    return {path.stem: path for path in sorted(folder.glob("*.toml"), key=_numbers)}
+    return {path.stem: path for path in sorted(folder.glob("*.toml"), key=_place)}
 
 
-def _numbers(path: Path) -> list[int]:
-    return [int(digits) for digits in re.findall(r"\d+", path.stem)]
+def _place(path: Path) -> tuple[bool, list[int], str]:
+    numbers = [int(digits) for digits in re.findall(r"\d+", path.stem)]
+    return not numbers, numbers, path.stem

@@ -41,13 +41,13 @@ def _outputs(*ports: str) -> dict[str, Port]:
     return {variable: Port(member, variable) for member, variable in pairs}
 
 
-def _bench(name: str, actuator: str, doc: str, runtime: str) -> System:
-    """Return the bench with whatever takes the actuator's place, under a name of its own."""
+def _bench(name: str, actuator: str, of: str, doc: str, runtime: str) -> System:
+    """Return the bench with whatever component takes the actuator's place, under a name of its own."""
     return System(
         name,
         (
             Member.of("bench", component("voice_coil_dma"), {"hold": 0.0}, runtime),
-            Member.of(actuator, component("ppy_actuator_length_driven"), runtime=runtime),
+            Member.of(actuator, component(of), runtime=runtime),
         ),
         connect(f"bench.position -> {actuator}.length_change", f"{actuator}.tension -> bench.tension"),
         {"force_reference": (Port("bench", "force_reference"),), "current": (Port(actuator, "current"),)},
@@ -60,15 +60,16 @@ def _bench(name: str, actuator: str, doc: str, runtime: str) -> System:
 
 def dma_bench(runtime: str) -> System:
     """Voice coil that keeps an actuator at a wanted force while current goes through it (thesis section 2.2)."""
-    return _bench("dma_bench", "actuator", _summary(dma_bench), runtime)
+    return _bench("dma_bench", "actuator", "ppy_actuator_length_driven", _summary(dma_bench), runtime)
 
 
 def hil_bench(runtime: str) -> System:
-    """Bench with a rig proxy in the actuator's place; an ordinary FMU of the actuator stands there.
+    """Bench whose actuator is a real one: the member ``proxy`` stands for it and asks the rig (``ppy rig serve``).
 
-    The member ``proxy`` has the signals of the actuator, so that another FMU with the same signals can replace it.
+    The proxy has the signals of the actuator, so that another FMU with the same signals can replace it.
     """
-    return _bench("hil_bench", "proxy", _summary(hil_bench), runtime)
+    bench = _bench("hil_bench", "proxy", "rig_proxy_length_driven", _summary(hil_bench), runtime)
+    return replace(bench, step=1e-3, stop=30.0)  # an exchange with the rig for each step; 1 kHz is what a link can do
 
 
 def degradation_watch(runtime: str) -> System:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import ageing, building, coupling, diagnosing, importing, machine, master, record, stepping
+from benchmarks import ageing, building, coupling, diagnosing, importing, machine, master, pacing, record, stepping
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
 
@@ -45,6 +45,15 @@ def test_record() -> None:
     lengths = [int(n) for n in rows(growth)]
     assert lengths == sorted(lengths)
     assert all(spent > 0.0 for spent, _ in rows(growth).values())
+
+
+def test_pacing() -> None:
+    (table,) = pacing.measure(quick=True).tables
+    found = rows(table)
+    assert list(found) == [f"{rate} Hz, {name}" for rate in pacing.RATES for name in (pacing.MASTER, pacing.BARE)]
+    for name, figures in found.items():
+        assert 0.0 <= figures[0] <= figures[1] <= figures[2]
+        assert figures[3:] == [1.0, 1.0] or not name.endswith(pacing.BARE)
 
 
 def test_record_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatch) -> None:

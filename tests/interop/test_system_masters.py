@@ -24,7 +24,6 @@ RUNS = {
         {"bench.force_reference": 1.0, "actuator.current": 0.5}, 1000,
         ["bench.position", "bench.force_measured", "actuator.charge"], ["actuator.tension"],
     ),
-    "hil_bench": ({"bench.force_reference": 2.0, "proxy.current": -0.5}, 500, ["bench.position"], ["proxy.tension"]),
     "degradation_watch": (
         {"galvanostat.current_command": 1.0, "actuator.force": 0.1}, 1000,
         ["galvanostat.current", "actuator.charge", "estimator.R1", "estimator.voltage_limit"], ["actuator.voltage"],

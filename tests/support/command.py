@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -39,6 +41,48 @@ def works(*arguments: object, cwd: Path, environment: dict[str, str] | None = No
     assert "Traceback" not in done.stderr
     assert "\x1b" not in done.stdout + done.stderr  # no terminal codes in files
     return done.stdout
+
+
+def on_terminal(*arguments: object, cwd: Path, interrupt_at: re.Pattern[str] | None = None) -> tuple[int, str, str]:
+    """Run the command line on a terminal, with ``cwd/scratch`` for temporary files.
+
+    Parameters
+    ----------
+    *arguments
+    cwd : Path
+    interrupt_at : Pattern, optional
+        SIGINT is sent as soon as this has been shown.
+
+    Returns
+    -------
+    int, str, str
+        Exit code, standard output, and what was shown on standard error.
+    """
+    import pty
+
+    ours, theirs = pty.openpty()
+    running = subprocess.Popen(
+        [sys.executable, "-m", "orchestration.cli", *map(str, arguments)], cwd=cwd, stdout=subprocess.PIPE,
+        stderr=theirs, text=True,
+        env={k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "CI")}
+        | {"TERM": "xterm", "COLUMNS": "120", "TMPDIR": str(cwd / "scratch")},
+    )  # fmt: skip
+    os.close(theirs)
+    shown, sent = "", False
+    while True:
+        try:
+            more = os.read(ours, 4096)
+        except OSError:  # Linux: the other end is closed
+            break
+        if not more:
+            break
+        shown += re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", more.decode(errors="replace"))
+        if interrupt_at is not None and not sent and interrupt_at.search(shown):
+            running.send_signal(signal.SIGINT)
+            sent = True
+    os.close(ours)
+    printed, _ = running.communicate(timeout=60)
+    return running.returncode, printed, shown
 
 
 def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:

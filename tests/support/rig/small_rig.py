@@ -160,6 +160,8 @@ class SmallRig:
 
     def _newest(self, now: float) -> dict[str, Any]:
         names = self._order[1]
+        if self.mode == "lockstep":  # what follows a command at once is its client's to see
+            self._values, self._measured = dict(self.plant(self._commands, now)), now
         age = [None if self._values[name] is None else now - self._measured for name in names]
         return {"clock": now, "values": [self._values[name] for name in names], "ages": age}
 

@@ -1,12 +1,8 @@
 """Claims: results carry units and their experiment, read back bit by bit in every form, and are made again from it."""
 
 import json
-import os
 import re
 import shutil
-import signal
-import subprocess
-import sys
 import warnings
 
 import numpy as np
@@ -18,7 +14,7 @@ from orchestration.experiment import result_page, results
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.records import read_record, write_record
-from tests.support.command import PNG, here, posix, refused
+from tests.support.command import PNG, here, on_terminal, posix, refused
 
 TEXT = """
 title = "A record is played back"
@@ -174,35 +170,6 @@ def test_a_system_is_made_again_too(tmp_path):
 RATE = re.compile(r"running .*━.* [\d,]{3,}/s.*\d:\d\d:\d\d")
 
 
-def watched(cwd, *arguments, interrupt):
-    """Run the command line on a terminal; interrupt it when the bar shows a rate. Exit code, stdout, what was shown."""
-    import pty
-
-    ours, theirs = pty.openpty()
-    running = subprocess.Popen(
-        [sys.executable, "-m", "orchestration.cli", *map(str, arguments)], cwd=cwd, stdout=subprocess.PIPE,
-        stderr=theirs, text=True,
-        env={k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "CI")}
-        | {"TERM": "xterm", "COLUMNS": "120", "TMPDIR": str(cwd / "scratch")},
-    )  # fmt: skip
-    os.close(theirs)
-    shown, sent = "", False
-    while True:
-        try:
-            more = os.read(ours, 4096)
-        except OSError:  # Linux: the other end is closed
-            break
-        if not more:
-            break
-        shown += re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", more.decode(errors="replace"))
-        if interrupt and not sent and RATE.search(shown):
-            running.send_signal(signal.SIGINT)
-            sent = True
-    os.close(ours)
-    printed, _ = running.communicate(timeout=60)
-    return running.returncode, printed, shown
-
-
 @posix
 @pytest.mark.parametrize(
     ("name", "changes"),
@@ -214,8 +181,8 @@ def test_an_interrupt_leaves_what_was_computed(tmp_path, name, changes):
     (tmp_path / "scratch").mkdir()
     (tmp_path / "part.nc").write_text("the result of earlier work\n", encoding="utf-8")
     settings = [part for change in changes for part in ("--set", change)]
-    code, printed, told = watched(
-        tmp_path, "run", name, *settings, "--set", "duration=2e5", "--out", "part.nc", interrupt=True
+    code, printed, told = on_terminal(
+        "run", name, *settings, "--set", "duration=2e5", "--out", "part.nc", cwd=tmp_path, interrupt_at=RATE
     )
     assert code == 130, told
     assert told.splitlines()[-1] == "interrupted"

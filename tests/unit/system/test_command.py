@@ -65,9 +65,9 @@ def test_show_names_that_look_like_markup(folder, name):
         assert part in text
 
 
-@pytest.mark.parametrize("name", ["hil_bench", "bench.ssp"])
+@pytest.mark.parametrize("name", ["dma_bench", "bench.ssp"])
 def test_draw(folder, name):
-    expected = "hil_bench.png" if name == "hil_bench" else "bench.png"
+    expected = "dma_bench.png" if name == "dma_bench" else "bench.png"
     assert f"wrote {expected}" in done(folder, "draw", name)
     assert (folder / expected).read_bytes().startswith(b"\x89PNG")
     done(folder, "draw", name, "--out", "new.svg")
@@ -75,15 +75,15 @@ def test_draw(folder, name):
 
 
 def test_export_and_check(folder, runtime):
-    assert "wrote hil_bench.ssp" in done(folder, "export", "hil_bench", "--runtime", runtime)
-    with zipfile.ZipFile(folder / "hil_bench.ssp") as found:
+    assert "wrote dma_bench.ssp" in done(folder, "export", "dma_bench", "--runtime", runtime)
+    with zipfile.ZipFile(folder / "dma_bench.ssp") as found:
         exported = found.read("resources/voice_coil_dma.fmu")
-    member = library.system("hil_bench", runtime).members[0]
+    member = library.system("dma_bench", runtime).members[0]
     assert exported == member.fmu.read_bytes()
-    assert "hil_bench.ssp: 2 members, 2 connections, no errors, 0 warnings" in done(folder, "check", "hil_bench.ssp")
-    done(folder, "export", "hil_bench.ssp", "--out", "copy.ssp", "--connectors")
+    assert "dma_bench.ssp: 2 members, 2 connections, no errors, 0 warnings" in done(folder, "check", "dma_bench.ssp")
+    done(folder, "export", "dma_bench.ssp", "--out", "copy.ssp", "--connectors")
     done(folder, "export", "copy.ssp", "--out", "again.ssp")
-    assert (folder / "again.ssp").read_bytes() == (folder / "hil_bench.ssp").read_bytes()
+    assert (folder / "again.ssp").read_bytes() == (folder / "dma_bench.ssp").read_bytes()
 
 
 def test_check_tells_what_is_odd(folder):

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
+from orchestration.master import run as run_master
 from orchestration.system import Connection, Port, library, ssp
-from orchestration.system.check import check, warnings
+from orchestration.system.check import check, interface, warnings
 from orchestration.system.draw import draw
 from orchestration.system.layout import arrange, nets_of, route
 from tests.support.system.hosts import run_libcosim_ssp
@@ -69,11 +70,28 @@ def test_the_bench_settles_at_its_reference_at_any_step(run):
     assert coarse == pytest.approx(fine[1::2], abs=0.03)  # of 1 N; the largest difference is in the first oscillation
 
 
-def test_the_bench_with_a_proxy_runs_as_the_bench(run):
-    force = {"bench.force_reference": 2.0}
-    usual = run("dma_bench", 0.1, force | {"actuator.current": 0.5}, ["bench.position"])["bench.position"]
-    other = run("hil_bench", 0.1, force | {"proxy.current": 0.5}, ["bench.position"])["bench.position"]
-    assert np.array_equal(usual, other)
+def test_an_actuator_takes_the_place_of_the_proxy_and_the_bench_does_not_notice():
+    usual, time = library.system("dma_bench"), 1e-4 * np.arange(1001)
+    held = {"force_reference": np.full(time.size, 2.0), "current": np.full(time.size, 0.5)}
+    actuator, proxied = usual.member("actuator").fmu, library.system("hil_bench", "python")
+    assert {**proxied.inputs} == {**usual.inputs, "current": (Port("proxy", "current"),)}
+    members = (usual.member("bench"), replace(proxied.member("proxy"), fmu=actuator))
+    other = run_master(replace(proxied, members=members), time, held).signals
+    for name, values in run_master(usual, time, held).signals.items():
+        assert np.array_equal(values, other[name.replace("actuator.", "proxy.")])
+
+
+def test_the_proxy_has_every_signal_of_the_actuator():
+    """Not the other way round: it tells of its link, too."""
+    models = [
+        interface(m)
+        for m in (library.system("dma_bench").member("actuator"), library.system("hil_bench", "python").member("proxy"))
+    ]
+    for group in ("inputs", "outputs"):
+        actuator, proxy = (getattr(model, group) for model in models)
+        assert {name: (s.type, s.unit) for name, s in actuator.items()} == {
+            name: (proxy[name].type, proxy[name].unit) for name in actuator
+        }
 
 
 def test_the_foot_rests_under_tension_and_stays_taut(run):

@@ -280,7 +280,8 @@ def test_values_of_the_system_go_over_those_of_the_member(archive, tmp_path):
         ('<ssv:Parameter name="gain"><ssv:Real/></ssv:Parameter>', ["'' is not a number"]),
         ('<ssv:Parameter name="gain"><ssv:Integer value="1"/></ssv:Parameter>', ["given as integer", "has it as real"]),
         ('<ssv:Parameter name="armed"><ssv:Boolean value="on"/></ssv:Parameter>', ["'on' is neither true nor false"]),
-        ('<ssv:Parameter name="gain"><ssv:String value="1"/></ssv:Parameter>', ["parameter gain is String"]),
+        ('<ssv:Parameter name="gain"><ssv:String value="1"/></ssv:Parameter>', ["given as string", "has it as real"]),
+        ('<ssv:Parameter name="gain"><ssv:Binary value="1"/></ssv:Parameter>', ["parameter gain is Binary"]),
         ('<ssv:Parameter name="gain"/>', ["parameter gain is nothing"]),
     ],
 )
