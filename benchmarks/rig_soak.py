@@ -51,7 +51,7 @@ def measure(seconds: float) -> tuple[Topic, bool]:
         processes = {"the master with both proxies": Path("/proc/self/statm")}
         for runtime in RUNTIMES:
             folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="ppy-soak-")))
-            server = opened.enter_context(Server(folder, "emulator", "--rate", RATE, logged=False))
+            server = opened.enter_context(Server(folder, "emulator", "--rate", RATE))
             fmu = Fmu(build_cached(component("rig_proxy"), runtime), {"endpoint": server.wait_ready()}, runtime)
             proxies[runtime] = opened.enter_context(fmu)
             for number, process in enumerate(sorted(server.family())):

@@ -46,7 +46,7 @@ def stepped(signals: str, inputs: dict[str, np.ndarray], outputs: list[str]) -> 
 def test_outputs_are_those_of_the_emulated_rig_stepped_here(tmp_path, name, runtime, master):
     signals, inputs = CASES[name]
     options = {"signals": signals, "hidden": "double_layer", "seed": 5, "noise": "off"}
-    with Server(tmp_path, "emulator", "--lockstep", options=options, logged=False) as server:
+    with Server(tmp_path, "emulator", "--lockstep", options=options) as server:
         server.wait_ready()
         archive = tmp_path / f"{name}.fmu"
         here = stack(component(name), name=name, defaults={"endpoint": server.endpoint})

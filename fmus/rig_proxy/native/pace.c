@@ -55,6 +55,8 @@ static bool reach(Engine *engine, double time, double step, double due, double l
 static bool step_in_real_time(Engine *engine, double time, double step, Message message) {
     double entry = clock_now(), last = entry + communication_timeout(engine);
     double due;
+    if (isnan(engine->origin)) /* what a master does before its first step takes no time of the rig */
+        engine->origin = entry - (time - engine->start_time);
     engine->link.refusing = false;
     link_listen(&engine->link, 0.0, 0); /* what came since the last step */
     restore(engine, time, fmin(entry + deadline(engine), last), message);

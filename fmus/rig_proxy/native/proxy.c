@@ -126,7 +126,7 @@ bool engine_initialize(Engine *engine, Message message) {
     engine->running = true;
     engine->start_time = engine->memory[MEMORY_START_TIME];
     if (connect_to_rig(engine, message)) {
-        engine->origin = clock_now();
+        engine->origin = NAN;
         if (publish(engine, message))
             return true;
     }
