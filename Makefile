@@ -3,14 +3,16 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow naming hil-faults hil-latency check benchmark chromium clean help
+.PHONY: demo hil-demo test test-slow naming hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take minutes"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records"
+	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
+	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
 	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
 
@@ -25,6 +27,12 @@ test-slow: $(VENV)/installed-dev chromium
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2
+
+hil-demo: $(VENV)/installed
+	$(BIN)/ppy rig demo --out hil-output
+
+soak: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.rig_soak
 
 hil-faults: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.rig.faults

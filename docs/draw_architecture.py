@@ -99,10 +99,13 @@ def plans() -> dict[str, Plan]:
     boxes = {f"orchestration.{room}": room for floor in rooms for room in floor}
     boxes |= {name: name for name in ("fmus", "fmus.kit", *models)}
     inside = {f"orchestration.discrepancy.{room}": room for floor in floors for room in floor}
+    rig = layers("orchestration.rig")
+    at_the_rig = {f"orchestration.rig.{room}": room for floor in rig for room in floor}
     return {
         "layers.svg": Plan("Rooms of the project", "", [*rooms, ["fmus", *models], ["fmus.kit"]], arrows(boxes)),
         "layers_of_a_diagnosis.svg": Plan("orchestration.discrepancy", "orchestration.discrepancy", floors,
                                           arrows(inside)),
+        "layers_of_a_rig.svg": Plan("orchestration.rig", "orchestration.rig", rig, arrows(at_the_rig)),
     }  # fmt: skip
 
 

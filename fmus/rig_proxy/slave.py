@@ -50,6 +50,7 @@ class ProxySlave:
         self._internals = len(layout.names)
         self._link: Link | None = None
         self._warning: str | None = None
+        self._rig: Mapping[str, Any] = {}  # what it said when it accepted the session
         self._begin: float | None = None  # our clock at the start of the simulation; it runs from the first step on
         self._start = self._heard = 0.0  # simulation time at the start; our clock at the last answer
         self._taken = [0.0] * len(outputs)  # our clock when each value was taken, at the latest that it can have been
@@ -66,7 +67,7 @@ class ProxySlave:
             self._start = self._memory[self._internals + _START_TIME]
             self._connect(self._start, self._value("communication_timeout"))
             self._begin = None
-            missing = [name for name, value in zip(self._outputs, self._newest["values"], strict=True) if value is None]
+            missing = [name for name, value in zip(self._outputs, self._rig["values"], strict=True) if value is None]
             if missing:
                 raise UserError(f"the rig has no value of {missing[0]}")
             self._set("missed_deadlines", 0.0)
@@ -104,9 +105,9 @@ class ProxySlave:
             timeout = self._value("communication_timeout")
             if step > timeout:
                 raise UserError(f"a step of {step:g} s is longer than communication_timeout, {timeout:g} s")
-            answered = self._link.session != "" or self._again(time)
-            state = self._make(time, step) if answered else LOST
-            self._look(state)
+            if not self._link.session:
+                self._again(time)
+            self._look(self._make(time, step))
         except BaseException as error:
             text = sentence(error)
             self.terminate()  # a rig that nobody steers any more is to be at zero
@@ -137,7 +138,7 @@ class ProxySlave:
     def _make(self, time: float, step: float) -> int:
         """Make one step; return the state of the link."""
         assert self._link is not None
-        lockstep = self._link.accepted["mode"] == LOCKSTEP
+        lockstep = self._rig["mode"] == LOCKSTEP
         timeout, deadline = self._value("communication_timeout"), self._value("deadline")
         if self._begin is None:  # what a master does between initialization and its first step takes no time of the rig
             self._begin = monotonic() - (time - self._start)
@@ -145,7 +146,7 @@ class ProxySlave:
         limit = monotonic() + timeout
         if late := self._link.late():
             self._take(late)
-        wait = self._link.accepted["watchdog"] * _AWAKE
+        wait = self._rig["watchdog"] * _AWAKE
         while True:
             sent = monotonic()
             ends = sent >= due - _ROUNDING
@@ -227,18 +228,17 @@ class ProxySlave:
         sent = monotonic()
         accepted = self._link.connect(time, timeout)
         self._link.round_trip_time = monotonic() - sent
-        self._newest = accepted
+        self._rig = accepted
         self._take({**accepted, "state": "", "refused": []})
 
-    def _again(self, time: float) -> bool:
-        """Try once to connect anew; return whether it is done."""
+    def _again(self, time: float) -> None:
+        """Try once to connect anew."""
         try:
             self._connect(time, self._value("deadline"))
         except LinkError as error:
             self._warning = str(error)
-            return False
-        self._begin = None  # nobody shall race to make up for the time without a link
-        return True
+        else:
+            self._begin = None  # nobody shall race to make up for the time without a link
 
     def _drop(self) -> None:
         if self._link is not None:

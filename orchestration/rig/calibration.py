@@ -12,8 +12,8 @@ from pathlib import Path
 
 from fmus.kit import units
 from fmus.kit.errors import UserError, suggestion
-from orchestration.rig.backends.backend import Limit
-from orchestration.rig.backends.signals import UNITS
+from orchestration.rig.limit import Limit
+from orchestration.rig.signals import UNITS
 from orchestration.rig.table import Table
 
 _PRESETS = Path(__file__).with_name("presets")

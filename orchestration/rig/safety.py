@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import inf, isfinite
 
-from orchestration.rig.backends.backend import Limit
+from orchestration.rig.limit import Limit
 
 _ROUNDING = 1e-9  # of a rate limit: a ramp at the limit must not fail by the last bit of a time
 

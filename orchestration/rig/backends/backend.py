@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import inf
 
+from orchestration.rig.limit import Limit
 
-@dataclass(frozen=True)
-class Limit:
-    """Hard limits of one signal, SI.
-
-    Attributes
-    ----------
-    min, max : float
-        Inclusive.
-    rate : float
-        Largest change per second.
-    """
-
-    min: float = -inf
-    max: float = inf
-    rate: float = inf
+__all__ = ["Backend", "Limit", "Steppable"]
 
 
 class Backend(ABC):

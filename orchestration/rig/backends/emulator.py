@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Limit, Steppable
-from orchestration.rig.backends.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, integer, one_of, passed
 from orchestration.rig.emulator.physics import RigParameters
 from orchestration.rig.emulator.stepping.bench import BenchPlant
 from orchestration.rig.emulator.stepping.hidden import hidden_effect
@@ -15,6 +14,7 @@ from orchestration.rig.emulator.stepping.noise import DEVIATIONS, Noise
 from orchestration.rig.emulator.stepping.plants import ForceDriven, LengthDriven, Plant
 from orchestration.rig.emulator.stepping.rig import SteppedRig
 from orchestration.rig.emulator.variations import DISPLACEMENT, VOLTAGE
+from orchestration.rig.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, integer, one_of, passed
 
 _TICK = 1e-4  # s; real time passes in whole ticks, whose transitions come again
 _LONGEST = 60.0  # s, of one step

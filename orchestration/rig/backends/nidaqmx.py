@@ -30,8 +30,8 @@ from nidaqmx.system.watchdog import AOExpirationState, WatchdogTask
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Backend, Limit
-from orchestration.rig.backends.signals import commands, one_of, seconds
 from orchestration.rig.calibration import Channel, read_calibration
+from orchestration.rig.signals import commands, one_of, seconds
 
 _TERMINALS = {
     "default": TerminalConfiguration.DEFAULT,

@@ -12,7 +12,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.units import parse
 from orchestration.records import Record, parse_mapping, read_record
 from orchestration.rig.backends.backend import Limit, Steppable
-from orchestration.rig.backends.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, one_of, passed
+from orchestration.rig.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, one_of, passed
 
 _LONGEST = 86400.0  # s, of one step
 

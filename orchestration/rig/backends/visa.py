@@ -12,8 +12,8 @@ from pyvisa.resources import MessageBasedResource
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Backend, Limit
-from orchestration.rig.backends.signals import commands
 from orchestration.rig.calibration import Channel, Instrument, read_calibration
+from orchestration.rig.signals import commands
 
 _MOST_ERRORS = 20  # that an instrument keeps
 

@@ -12,7 +12,8 @@ from math import isnan
 from typing import Any, TypeVar
 
 from fmus.kit.errors import UserError
-from orchestration.rig.backends.backend import Backend, Limit
+from orchestration.rig.backends.backend import Backend
+from orchestration.rig.limit import Limit
 from orchestration.rig.server.board import SIGNALS, Description
 
 _LONGEST = 200  # characters of somebody else's message

@@ -9,10 +9,10 @@ import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.emulator import Emulator
-from orchestration.rig.backends.signals import SIGNALS
 from orchestration.rig.emulator.physics import Physics, RigParameters
 from orchestration.rig.emulator.stepping.plants import ForceDriven
 from orchestration.rig.emulator.stepping.rig import SteppedRig
+from orchestration.rig.signals import SIGNALS
 
 P = RigParameters()
 

@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 from fmus.kit.record.compiled import CompiledModel
 from orchestration.master.reference.fused import fuse
-from orchestration.rig.backends.signals import SIGNALS
 from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
 from orchestration.rig.emulator.hidden_electrical import DoubleLayer
 from orchestration.rig.emulator.hidden_mechanical import LoadDependentSpring, SaggingFilm
@@ -20,6 +19,7 @@ from orchestration.rig.emulator.stepping.hidden import hidden_effect
 from orchestration.rig.emulator.stepping.plants import LengthDriven
 from orchestration.rig.emulator.stepping.rig import SteppedRig
 from orchestration.rig.emulator.variations import CATALOGUE
+from orchestration.rig.signals import SIGNALS
 from orchestration.system import library
 from tests.support.rig.tension import tension_by_bisection
 

@@ -15,7 +15,6 @@ from fmus import component
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.trace import trace
 from orchestration.fmu import Fmu
-from orchestration.rig.backends.signals import SIGNALS
 from orchestration.rig.emulator.emulator import EmulatedRig
 from orchestration.rig.emulator.hidden_coupling import EvenStrain, LaggingStrain, LoadDependentVoltage
 from orchestration.rig.emulator.hidden_electrical import DiffusionLayer, DoubleLayer
@@ -24,6 +23,7 @@ from orchestration.rig.emulator.physics import Physics, RigParameters
 from orchestration.rig.emulator.stepping.bench import BenchPlant
 from orchestration.rig.emulator.stepping.plants import ForceDriven, LengthDriven, Spring
 from orchestration.rig.emulator.stepping.rig import SteppedRig
+from orchestration.rig.signals import SIGNALS
 from tests.support.rig.tension import tension_by_bisection
 
 P = RigParameters.scattered(3)
