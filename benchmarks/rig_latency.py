@@ -78,7 +78,7 @@ def _at(rate: int, seconds: float) -> list[list[Cell]]:
     here, there = multiprocessing.get_context("spawn").Pipe()
     echo = multiprocessing.get_context("spawn").Process(target=_echo, args=(there,), daemon=True)
     echo.start()
-    with tempfile.TemporaryDirectory() as folder, Server(Path(folder), "Logged", "--rate", rate,
+    with tempfile.TemporaryDirectory() as folder, Server(Path(folder), "Logged", "--rate", rate, "--watchdog", 5,
                                                          options={"log": "/dev/null"}) as server:  # fmt: skip
         server.wait_ready()
         with zmq.Context() as context:

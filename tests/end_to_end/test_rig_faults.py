@@ -1,7 +1,8 @@
 """Claims: whatever fails between client and rig ends as promised, in time, with nothing unsafe written and no hang.
 
-A part of the table that `make hil-faults` tries as a whole. Times get an allowance for a machine that runs other tests
-besides; the page has them without.
+A part of the table that `make hil-faults` tries as a whole. On a machine that runs other tests besides, a process may
+wait for its turn for a tenth of a second: here the watchdog time is longer, and bounds have an allowance. The page has
+them without.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from tests.support.command import posix
 from tests.support.rig.faults import table
 from tests.support.rig.faults.bench import Bench, Fault
 
-ALLOWANCE = 0.1  # s
+WATCHDOG, ALLOWANCE = 0.5, 0.2  # s
 KINDS = table()
 
 pytestmark = [posix, pytest.mark.timeout(60)]
@@ -24,7 +25,7 @@ pytestmark = [posix, pytest.mark.timeout(60)]
     "fault", [pytest.param(kind, id=kind.kind, marks=() if kind.quick else pytest.mark.slow) for kind in KINDS]
 )
 def test_the_promise_is_kept(fault: Fault, tmp_path: Path) -> None:
-    with Bench(tmp_path, ALLOWANCE) as bench:
+    with Bench(tmp_path, ALLOWANCE, WATCHDOG) as bench:
         fault.provoke(bench)
         bench.nothing_unsafe()
     assert bench.observed

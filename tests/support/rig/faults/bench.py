@@ -16,7 +16,7 @@ from tests.support.rig.bad_link import LIMITS, BadLink
 from tests.support.rig.driver import Driver, refusal
 from tests.support.rig.process import Call, Server
 
-WATCHDOG, PERIOD = 0.2, 1 / 30  # s, of the server unless a kind says otherwise
+WATCHDOG, PERIOD = 0.2, 1 / 30  # s, of the server
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,8 @@ class Bench:
         For files.
     allowance : float
         Added to every bound, in s, for a machine that has other things to do.
+    watchdog : float
+        Of the server, in s.
 
     Attributes
     ----------
@@ -72,8 +74,8 @@ class Bench:
         What it was measured from.
     """
 
-    def __init__(self, folder: Path, allowance: float = 0.0) -> None:
-        self.folder, self.allowance = folder, allowance
+    def __init__(self, folder: Path, allowance: float = 0.0, watchdog: float = WATCHDOG) -> None:
+        self.folder, self.allowance, self.watchdog = folder, allowance, watchdog
         self.observed, self.since = "", ""
         self.measured: float | None = None
         self.bound: float | None = None
@@ -90,13 +92,14 @@ class Bench:
 
     def serve(self, backend: str = "Logged", *arguments: object, **more: Any) -> Server:
         """Start a server."""
-        self.server = self._open.enter_context(Server(self.folder, backend, *arguments, **more))
+        watchdog = ("--watchdog", self.watchdog)
+        self.server = self._open.enter_context(Server(self.folder, backend, *watchdog, *arguments, **more))
         self.server.wait_ready()
         return self.server
 
     def connect(self, **more: Any) -> Driver:
         """Start a client, with a cable that can be made bad, and let it exchange."""
-        self.link = BadLink(self.server.endpoint)
+        self.link = BadLink(self.server.endpoint, watchdog=self.watchdog)
         self._open.callback(self.link.close)
         self.driver = self.another(self.link.endpoint, **more)
         return self.driver
@@ -131,7 +134,7 @@ class Bench:
     def measure(self, start: float, safe: Call, since: str, more: float = 0.0) -> None:
         """Note the time to the safe state, which must be below watchdog time, one period and something more."""
         self.measured, self.since = safe.time - start, since
-        self.bound = WATCHDOG + PERIOD + more
+        self.bound = self.watchdog + PERIOD + more
         assert self.measured < self.bound + self.allowance, (
             f"{self.measured:.4f} s; below {self.bound:.4f} s is promised"
         )

@@ -13,14 +13,14 @@ import zmq
 from fmus.rig_proxy.protocol import MAX_FRAME, encode
 from tests.support.rig.bad_link import BadLink
 from tests.support.rig.driver import INPUTS, OUTPUTS, refusal, usual
-from tests.support.rig.faults.bench import WATCHDOG, Bench, fault
+from tests.support.rig.faults.bench import Bench, fault
 from tests.support.rig.process import ROOT
 
 
 @fault("SIGKILL of the client", "the safe state by the watchdog, latched", quick=True)
 def client_killed(bench: Bench) -> None:
     server = bench.serve()
-    bench.link = BadLink(server.endpoint)
+    bench.link = BadLink(server.endpoint, watchdog=bench.watchdog)
     command = [sys.executable, "-m", "tests.support.rig.driver", bench.link.endpoint]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as client:
         assert client.stdout is not None
@@ -172,7 +172,7 @@ def beyond_limits(bench: Bench) -> None:
     assert {call.what for call in server.calls() if call.what.startswith("write")} == {"write 0.5 1.0"}
     refused = [sample["refused"] for sample in driver.samples if sample["refused"] and sample["state"] == "running"]
     assert all(sentences == ["current 1.31 A is above 1.3 A; 0.5 A goes on"] for sentences in refused)
-    assert len(refused) > WATCHDOG / 0.02 / 2
+    assert len(refused) > bench.watchdog / 0.02 / 2
     server.wait_line("refused: current 1.31 A is above 1.3 A")
     bench.is_latched("no fresh command")
     bench.observed = f"{refused[0][0]}; safe after {len(refused)} of them"
@@ -196,7 +196,7 @@ def replayed(bench: Bench) -> None:
     server = bench.serve()
     with _Peer(server.endpoint) as peer:
         accepted = peer.ask("connect", client="slow", inputs=INPUTS, outputs=OUTPUTS, time=0.0)
-        time.sleep(WATCHDOG + 0.05)
+        time.sleep(bench.watchdog + 0.05)
         for seen, part in ((accepted["clock"], "was under way for"), (1e12, "more of the rig's time than there was")):
             sample = peer.ask("exchange", session=accepted["session"], sequence=1 + int(seen > 1e9), sent=0.0,
                               seen=seen, time=0.0, step=0.02, values=[0.5, 1.0])  # fmt: skip

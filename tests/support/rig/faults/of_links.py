@@ -6,12 +6,12 @@ import time
 
 from tests.support.rig.bad_link import Treatment, clean, damaging, delaying, doubling, dropping
 from tests.support.rig.driver import Driver
-from tests.support.rig.faults.bench import WATCHDOG, Bench, fault
+from tests.support.rig.faults.bench import Bench, fault
 
 
 def _during(bench: Bench, treatment: Treatment, seconds: float, timeout: float = 0.04) -> Driver:
     """Exchange over a bad cable for a while, then cut it: the safe state must come in time all the same."""
-    bench.serve("Logged", "--watchdog", WATCHDOG)
+    bench.serve()
     driver = bench.connect(reconnect=True, timeout=timeout)
     bench.link.treatment = treatment
     until = time.monotonic() + seconds
@@ -48,7 +48,7 @@ def drop_10(bench: Bench) -> None:
 
 
 def _drop(bench: Bench, share: float, least: float) -> None:
-    driver = _during(bench, dropping(share), 3.0)
+    driver = _during(bench, dropping(share), 2.0)
     assert len(driver.samples) > least * (len(driver.samples) + driver.unanswered)
     bench.observed = _told(bench, driver)
 
@@ -74,11 +74,11 @@ def delay(bench: Bench) -> None:
 def delay_long(bench: Bench) -> None:
     server = bench.serve()
     bench.connect()
-    bench.link.treatment = delaying(0.4, 0.5)
+    bench.link.treatment = delaying(2.0 * bench.watchdog, 2.5 * bench.watchdog)
     changed = time.monotonic()
     safe = bench.safe_after(changed)
     bench.measure_from_fresh(safe)
-    time.sleep(1.0)
+    time.sleep(5.0 * bench.watchdog)
     bench.is_latched("no fresh command")
     assert all(call.time < safe.time for call in server.calls() if call.what.startswith("write"))
     bench.observed = "safe; nothing was written afterwards"
@@ -106,7 +106,7 @@ def reorder(bench: Bench) -> None:
 @fault("1 in 5 messages damaged", "dropped and counted, or harmless: nothing beyond the limits; safe when cut",
        quick=True)  # fmt: skip
 def damage(bench: Bench) -> None:
-    driver = _during(bench, damaging(0.2), 3.0)
+    driver = _during(bench, damaging(0.2), 2.0)
     assert bench.status()["counts"]["malformed"] > 0
     bench.observed = _told(bench, driver)
 
