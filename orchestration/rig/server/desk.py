@@ -15,6 +15,7 @@ from orchestration.rig.server.rig import Rig
 from orchestration.rig.server.session import Session, misfit, session_of
 
 _LONGEST_STEP = 60.0  # s, in lockstep: the emulated rig takes it in one go
+_LONGEST_REASON = 1000  # characters: names in it may be a stranger's
 _LONGEST_NAME = 40  # characters of a client's name in the log
 
 
@@ -105,7 +106,7 @@ class Desk:
             reason = f"the rig serves {session.client[:_LONGEST_NAME]}; one client at a time"
         if reason:
             self._log.tell(f"client {name} refused: {reason}", "client refused")
-            return encode("refused", reason=reason)
+            return encode("refused", reason=reason[:_LONGEST_REASON])
         if session is None or session.peer != peer or session.sequence > 0:
             self._end_session("replaced")
             self._session = session = session_of(message, self._rig.signals, peer, now)

@@ -198,7 +198,7 @@ class Guard:
     def _rescue_after_another(self, reason: str) -> None:
         """Take the place of a guard that died, and of its device."""
         beat, begun, self._reached = self._board.beat.read(), monotonic(), False
-        if beat is not None and not (read_text(beat.call) == device.ENDED and beat.safe):
+        if beat is not None and not self._has_ended():
             with suppress(OSError):
                 os.kill(beat.process, getattr(signal, "SIGKILL", signal.SIGTERM))
         self._reach(reason, begun)
@@ -231,12 +231,29 @@ class Guard:
         self._tell(GONE, ending=True)
         if self._device is None:
             return
-        self._device.join(self._settings.watchdog + self._settings.period + 1.0)
-        beat = self._board.beat.read()
-        if self._device.is_alive():
-            self._take_over("the device does not end")
-        elif beat is not None and beat.opened and not (read_text(beat.call) == device.ENDED and beat.safe):
+        fault, until = "", monotonic() + self._settings.watchdog + self._settings.period + 1.0
+        while self._device.is_alive() and monotonic() < until and not fault:
+            self._device.join(self._tick)
+            fault = self._fault_at_the_end()
+        if fault or self._device.is_alive():
+            self._take_over(fault or "the device does not end")
+        elif not self._has_ended() and self._was_open():
             self._take_over("the device has ended")
+
+    def _fault_at_the_end(self) -> str:
+        beat = self._board.beat.read()
+        if beat is None or not beat.opened or self._has_ended():
+            return ""
+        return fault_of(beat, self._command(), monotonic(), self._settings.watchdog, self._settings.period)
+
+    def _was_open(self) -> bool:
+        beat = self._board.beat.read()
+        return beat is not None and beat.opened
+
+    def _has_ended(self) -> bool:
+        """Whether the device has left the rig in its safe state, if not yet its process."""
+        beat = self._board.beat.read()
+        return beat is not None and read_text(beat.call) == device.ENDED and beat.safe
 
     def _report(self, text: str, now: float) -> None:
         self._board.rescue.write(Trip(now, self._reached, True, write_text(text)))

@@ -16,6 +16,7 @@ from typing import TextIO
 from fmus.kit.errors import UserError
 
 _LONGEST_QUEUE = 1000  # lines that wait for a terminal that does not take them
+_LONGEST_LINE = 1000  # characters
 _LONGEST_END = 1.0  # s that the last lines get
 _PAUSE = 1.0  # s between two lines of one kind, where a kind is given
 
@@ -65,7 +66,10 @@ class EventLog:
             self._told[kind] = now
             more = self._withheld.pop(kind, 0)
             text = f"{text} (and {more} like it before)" if more else text
-        line = f"{datetime.now().isoformat(' ', 'milliseconds')} {' '.join(text.split())}\n"
+        shown = "".join(
+            c if c.isprintable() else "?" for c in " ".join(text.split())[:_LONGEST_LINE]
+        )  # of strangers, too
+        line = f"{datetime.now().isoformat(' ', 'milliseconds')} {shown}\n"
         for place in self._places:
             place.put(line)
 

@@ -100,6 +100,20 @@ def hangs_in_write(bench: Bench) -> None:
     _hangs(bench, "write")
 
 
+@fault("a driver call never returns, and SIGTERM", "the guard brings the rig to the safe state; exit status 0")
+def hangs_at_the_end(bench: Bench) -> None:
+    server = bench.running("read", "hang")
+    pulled = bench.pull_trigger()
+    server.wait_call("fault", pulled)
+    family = server.family()
+    server.process.terminate()
+    safe = bench.safe_after(pulled)
+    assert server.wait_end() == 0
+    bench.measure_from_written(safe, 0.02)
+    bench.all_ended(family)
+    bench.observed = "safe, exit status 0, no process left"
+
+
 @fault("the safe state raises at first", "tried again, by the guard with a backend of its own, until it is reached")
 def safe_raises_twice(bench: Bench) -> None:
     server = bench.running("safe", "raise", times=3)

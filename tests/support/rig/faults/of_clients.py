@@ -122,6 +122,7 @@ def malformed(bench: Bench) -> None:
             "step": 0.0, "values": [0.1, 0.1]}  # fmt: skip
     frames = [b"", b"{", b"\xff\xfe", b"[]", b"null", b'{"ppy": 1}', b'{"ppy": 1, "type": []}', 5000 * b"[",
               b'{"ppy": 1, "type": "sample"}', b'{"ppy":1,"type":"status"',
+              json.dumps({**good, "sent": 10**400}).encode(),
               *(json.dumps({**good, **bad}).encode() for bad in (
                   {"values": [0.1]}, {"values": [0.1, None]}, {"values": "no"}, {"sequence": -1}, {"sequence": 1.5},
                   {"seen": True}, {"values": [float("nan"), 0.0]}, {"values": [float("inf"), 0.0]}))]  # fmt: skip

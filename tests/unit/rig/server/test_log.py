@@ -24,6 +24,18 @@ def test_lines_go_to_both_places_with_wall_time(tmp_path, capsys):
     assert capsys.readouterr().out == lines[1] + "\n"
 
 
+def test_what_a_stranger_calls_itself_cannot_steer_a_terminal_nor_end_the_log(tmp_path, capsys):
+    log = EventLog(tmp_path / "rig.log")
+    log.tell("client \x1b[2J\ud800 \u202e refused " + "x" * 5000)
+    log.tell("next")
+    log.close()
+    first, second = (tmp_path / "rig.log").read_text(encoding="utf-8").splitlines()
+    assert " client ?[2J? ? refused xxx" in first
+    assert len(first) < 1100
+    assert second.endswith(" next")
+    assert capsys.readouterr().out.splitlines() == [first, second]
+
+
 def test_of_a_kind_there_is_one_line_a_second_and_the_others_are_counted(capsys):
     now = 5.0
     log = EventLog(clock=lambda: now)
