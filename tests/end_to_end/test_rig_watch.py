@@ -18,6 +18,7 @@ from orchestration.rig.keys import make_keys
 from tests.support.browser import chromium
 from tests.support.command import posix, refused
 from tests.support.rig.client import Session
+from tests.support.rig.process import ROOT, Server
 from tests.support.rig.small_rig import SmallRig, free_port
 
 PROMISED = 1.0  # s until the page says that contact is lost
@@ -43,6 +44,13 @@ COLOURS = """(place => {
   const ink = getComputedStyle(e).color;
   for (; e && behind === "rgba(0, 0, 0, 0)"; e = e.parentElement) behind = getComputedStyle(e).backgroundColor;
   return [ink, behind].map(c => c.match(/[\\d.]+/g).slice(0, 3).map(Number)) })"""
+EXPERIMENT = """
+component = "ppy_actuator"
+duration = "60 s"
+step = "0.1 s"
+inputs.current = "0 A"
+inputs.force = "1.5 N"
+"""
 BOX = "(r => [r.left, r.top, r.width, r.height])(document.getElementById('stop').getBoundingClientRect())"
 
 
@@ -323,6 +331,38 @@ def test_a_page_that_outlives_its_program_can_stop_again_with_the_next_one(tab):
             tab.run("document.getElementById('stop').click()")
             until(lambda: text(tab, "state") == "safe state")
             assert len(rig.of_type("stop")) == 1
+
+
+def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
+    """A record is being made; stop is pressed; server, page and record agree; the server is killed."""
+    (tmp_path / "experiment.toml").write_text(EXPERIMENT)
+    with Server(tmp_path, "emulator") as server:
+        port = server.wait_ready().rsplit(":", 1)[1]
+        command = [sys.executable, "-m", "orchestration.cli", "rig", "record", "--stimulus", "experiment.toml"]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        command += ["--out", "run.csv", "--endpoint", server.endpoint]
+        pipe = subprocess.PIPE
+        recording = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=pipe, stderr=pipe, text=True)
+        with watching(port) as watch:
+            tab.open(watch.address, 1280)
+            until(lambda: text(tab, "client") == "ppy rig record")
+            until(lambda: tab.run(SHOWN)["force"]["value"] == "1.500")
+            # 1.5 N over the spring of 6300 N/m, at once, and creep of less than a tenth of that
+            until(lambda: 0.2 < float(tab.run(SHOWN)["displacement"]["value"]) < 0.3)
+            assert tab.run(SHOWN)["displacement"]["unit"] == "mm"
+            time.sleep(1.0)  # ten rows
+            tab.run("document.getElementById('stop').click()")
+            until(lambda: text(tab, "state") == "safe state")
+            assert "stop button of ppy rig watch" in text(tab, "reason")
+            until(lambda: tab.run(SHOWN)["force"]["value"] == "0.000")
+            _, complaint = recording.communicate(timeout=60)
+            server.process.kill()
+            until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
+        assert tab.complaints == []
+    assert recording.returncode == 2
+    assert "safe state" in complaint.splitlines()[-1]
+    assert "run.csv holds" in complaint.splitlines()[-1]
+    assert len((tmp_path / "run.csv").read_text().splitlines()) > 5
 
 
 @pytest.mark.parametrize("width", [1280, 400])
