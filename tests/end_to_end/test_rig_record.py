@@ -9,7 +9,9 @@ from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
+import pytest
 
+from orchestration.experiment import results
 from orchestration.rig.emulator.bench import NOISE
 from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
 from orchestration.rig.emulator.physics import RigParameters
@@ -34,6 +36,9 @@ levels = ["0.5 N", "1 N", "2 N", "2.75 N"]
 dwell = ["1 s", "4 s"]
 """
 
+_ATTEMPTS = 3
+_TOLERATED = 0.01  # s of jitter, a fifth of a step; more is a disturbance of its own, and rightly found
+
 
 @contextmanager
 def bridged(port, client_file):
@@ -47,6 +52,17 @@ def bridged(port, client_file):
             yield f"tcp://127.0.0.1:{local}"
         finally:
             bridge.kill()
+
+
+def jitter_of(rig, data):
+    """Largest deviation in s from when the rig, a thread that waits for its turn, should have taken a command."""
+    current, force = data.current.values, data.force.values
+    changes = np.flatnonzero(np.diff(current) ** 2 + np.diff(force) ** 2 > 0.0) + 1
+    times = [clock for clock, _ in rig.applied[2 : 2 + changes.size]]  # behind rest and the first commands
+    if len(times) != changes.size or np.isnan(current).any():
+        return np.inf
+    late = np.array(times) - data.time.values[changes]
+    return float(np.max(np.abs(late - np.median(late))))
 
 
 class Specimen:
@@ -83,11 +99,20 @@ def test_what_is_hidden_is_named(tmp_path):
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
     server_file, client_file = make_keys(tmp_path / "keys")
     hidden = partial(SaturatingStrain, saturation=1.0)
-    specimen = Specimen(hidden(RigParameters(R1=0.5)))
-    with SmallRig(plant=specimen, period=0.025, keys=server_file) as rig, bridged(rig.port, client_file) as endpoint:
-        works(
-            "rig", "record", "--stimulus", "experiment.toml", "--out", "run.nc", "--endpoint", endpoint, cwd=tmp_path
-        )  # fmt: skip
+    for _ in range(_ATTEMPTS):
+        specimen = Specimen(hidden(RigParameters(R1=0.5)))
+        with (
+            SmallRig(plant=specimen, period=0.025, keys=server_file) as rig,
+            bridged(rig.port, client_file) as endpoint,
+        ):
+            works(
+                "rig", "record", "--stimulus", "experiment.toml", "--out", "run.nc", "--endpoint", endpoint,
+                cwd=tmp_path,
+            )  # fmt: skip
+        if (jitter := jitter_of(rig, results.read(tmp_path / "run.nc"))) < _TOLERATED:
+            break
+    else:
+        pytest.skip(f"this machine is too busy for real time: {1e3 * jitter:.0f} ms of jitter, {_ATTEMPTS} times")
     works(
         "diagnose", "run.nc", "--model", "ppy_actuator", "--effects", "strain_saturation,double_layer", "--json",
         "found.json", cwd=tmp_path,
