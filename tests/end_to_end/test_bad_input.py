@@ -74,7 +74,7 @@ def test_suggestions(name, options, text):
         (["--set", "R1=-0.1"], ["R1=-0.1", "-0.1 ohm is out of range", "0 … 1e+06 ohm"]),
         (["--set", "C=0F"], ["C=0F", "0 F is out of range", "1e-09 … 1e+09 F"]),
         (["--set", "R1=-1e-9ohm"], ["R1=-1e-9ohm", "out of range"]),
-        (["--set", "R1=1e999"], ["R1=1e999", "out of range"]),
+        (["--set", "R1=1e999"], ["R1=1e999", "inf is not a finite number"]),
         (["--set", "R1=nan"], ["R1=nan", "'nan' is not a number"]),
         (["--set", "R1"], ["'R1'", "name=value"]),
         (["--preset", "six_layer"], ["no preset named 'six_layer'", "five_layer"]),
@@ -405,7 +405,7 @@ def test_progress_is_a_bar_on_a_terminal_and_plain_lines_elsewhere(folder):
 def test_an_internal_error_is_one_line_too_and_shows_where_on_request(folder):
     """A failure nobody foresaw: one line; PPY_DEBUG=1 gives the traceback to send along."""
     (folder / "site").mkdir()
-    (folder / "site" / "sitecustomize.py").write_text("import fmus\nfmus.COMPONENTS = None\n", encoding="utf-8")
+    (folder / "site" / "sitecustomize.py").write_text("import fmus\nfmus.MODELS = None\n", encoding="utf-8")
     paths = os.pathsep.join(filter(None, [str(folder / "site"), str(Path(__file__).parents[2])]))
     done = ppy("list", cwd=folder, environment={"PYTHONPATH": paths})
     assert done.returncode == 2

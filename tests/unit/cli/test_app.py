@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus import COMPONENTS
+from fmus import MODELS
 from fmus.kit.build.toolchain import host_platform
 from orchestration.records import read_record
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
@@ -57,7 +57,7 @@ def test_a_simple_question_imports_nothing_heavy(arguments, tmp_path):
 
 def test_list_names_every_component(tmp_path):
     lines = works("list", cwd=tmp_path).splitlines()
-    assert [line.split()[0] for line in lines] == list(COMPONENTS)
+    assert [line.split()[0] for line in lines] == list(MODELS)
     assert all(len(line.split()) > 3 for line in lines)
 
 

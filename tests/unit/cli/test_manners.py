@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray
 
-from fmus import COMPONENTS
+from fmus import MODELS
 from fmus.kit.build.toolchain import host_platform
 from orchestration.cli import app
 from orchestration.cli.options import platform_list
@@ -39,7 +39,7 @@ def test_the_line_for_a_command_in_the_help_is_the_first_of_its_own_help():
     for name, (line, place) in app._COMMANDS.items():
         module, _, attribute = place.partition(":")
         command = getattr(importlib.import_module(f"orchestration.cli.commands.{module}"), attribute)
-        assert (command.info.help if name == "system" else command.__doc__.split("\n")[0]) == line
+        assert (command.info.help if name in ("system", "rig") else command.__doc__.split("\n")[0]) == line
 
 
 def complete(words, cwd):
@@ -130,7 +130,7 @@ def listed(answer):
 
 def test_json_of_list_and_info(tmp_path):
     done = here("list", "--json", "-", cwd=tmp_path)
-    assert list(listed(json.loads(done.stdout))) == list(COMPONENTS)
+    assert list(listed(json.loads(done.stdout))) == list(MODELS)
     about = answered("info", "ppy_actuator", cwd=tmp_path)
     resistance = listed(about["parameters"])["R1"]
     assert (resistance["unit"], resistance["start"], resistance["min"]) == ("ohm", 0.43, 0)
