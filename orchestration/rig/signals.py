@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.rig import LIMITS
-from orchestration.rig.backends.backend import Limit
+from orchestration.rig.limit import Limit
 
 UNITS = {
     "current": "A", "force": "N", "length_change": "m", "force_reference": "N",
