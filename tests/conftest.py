@@ -8,7 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers on two cores; 
 
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,7 +18,36 @@ from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 
 pytest.register_assert_rewrite("tests.contract", "tests.support")  # their assertions explain themselves, too
+
+from tests.support.punctual import Watch
+
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+
+_watch = Watch()
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Watch the machine where a test is about milliseconds."""
+    if item.get_closest_marker("real_time"):
+        _watch.start()
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+    """Do not judge a test about milliseconds that failed while the machine did not keep real time."""
+    outcome = yield
+    report = outcome.get_result()
+    judged = report.when != "call" or report.passed or not item.get_closest_marker("real_time")
+    pause = 0.0 if judged else _watch.longest(call.start, call.stop)
+    if pause:
+        report.outcome = "skipped"
+        report.longrepr = (*item.location[:2], f"Skipped: not judged, the machine paused for {1e3 * pause:.0f} ms")
+
+
+def pytest_unconfigure() -> None:
+    """Stop watching."""
+    _watch.stop()
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,8 @@ from orchestration.experiment import results
 from tests.support.command import ppy
 from tests.support.rig.small_rig import SmallRig
 
+pytestmark = pytest.mark.real_time
+
 STIFFNESS, RESISTANCE = 6300.0, 0.5  # N/m, ohm
 INPUTS = {"current": "A", "length_change": "m"}
 OUTPUTS = {

@@ -18,7 +18,7 @@ from tests.support.rig.faults.bench import Bench, Fault
 WATCHDOG, ALLOWANCE = 0.5, 0.2  # s
 KINDS = table()
 
-pytestmark = [posix, pytest.mark.timeout(60)]
+pytestmark = [posix, pytest.mark.timeout(60), pytest.mark.real_time]
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,8 @@ from orchestration.rig.keys import make_keys
 from tests.support.command import works
 from tests.support.rig.small_rig import SmallRig, free_port
 
+pytestmark = pytest.mark.real_time
+
 EXPERIMENT = """
 component = "ppy_actuator"
 duration = "16 s"

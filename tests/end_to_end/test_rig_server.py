@@ -18,7 +18,7 @@ from tests.support.command import refused, works
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
 from tests.support.rig.process import Server
 
-pytestmark = pytest.mark.timeout(60)
+pytestmark = [pytest.mark.timeout(60), pytest.mark.real_time]
 
 
 def test_the_ready_line_says_where_what_and_what_is_allowed(tmp_path):

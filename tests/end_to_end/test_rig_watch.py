@@ -21,6 +21,8 @@ from tests.support.rig.client import Session
 from tests.support.rig.process import ROOT, Server
 from tests.support.rig.small_rig import SmallRig, free_port
 
+pytestmark = pytest.mark.real_time
+
 PROMISED = 1.0  # s until the page says that contact is lost
 ALLOWANCE = 1.0  # s more, for a machine on which a browser and other tests compete for two cores
 _STALLS = 0.2  # of the time, in which a busy machine may not let the rig answer; taken for lost it would be a third

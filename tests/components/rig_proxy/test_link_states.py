@@ -9,6 +9,8 @@ import pytest
 from tests.contract.raw import ERROR, OK, WARNING, Instance, instance
 from tests.support.rig.proxies import OUTPUTS, actuator_rig, connected
 
+pytestmark = pytest.mark.real_time
+
 CONNECTED, REFUSED, STALE, LOST = range(4)
 STEP = 0.02
 FAST = {"communication_timeout": 0.4, "deadline": 0.03, "max_age": 0.15}

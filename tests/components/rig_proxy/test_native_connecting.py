@@ -14,6 +14,8 @@ from tests.support.rig.native_engine import FAREWELL, LATE, MEASURED, TIMEOUT, T
 from tests.support.rig.relay import listening
 from tests.support.rig.scripted_rig import ScriptedRig, message, served
 
+pytestmark = pytest.mark.real_time
+
 COUNT = len(MEASURED)
 
 

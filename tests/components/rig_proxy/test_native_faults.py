@@ -13,6 +13,8 @@ from tests.support.rig.native_engine import CONNECTED, LATE, LOST, MEASURED, TIM
 from tests.support.rig.relay import listening, relay
 from tests.support.rig.scripted_rig import Reply, ScriptedRig, served
 
+pytestmark = pytest.mark.real_time
+
 COUNT = len(MEASURED)
 
 

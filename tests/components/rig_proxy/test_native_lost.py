@@ -23,6 +23,8 @@ from tests.support.rig.native_engine import (
 from tests.support.rig.relay import listening, relay
 from tests.support.rig.scripted_rig import Reply, ScriptedRig, served
 
+pytestmark = pytest.mark.real_time
+
 COUNT = len(MEASURED)
 
 

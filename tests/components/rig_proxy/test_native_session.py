@@ -16,6 +16,8 @@ from fmus.rig_proxy.model import RigProxy
 from tests.support.rig.native_engine import LATE, MEASURED, NativeEngine
 from tests.support.rig.scripted_rig import ScriptedRig, message, served
 
+pytestmark = pytest.mark.real_time
+
 
 def started(engine: NativeEngine, endpoint: str, time: float = 0.0, **values: object) -> None:
     engine.set(endpoint=endpoint, **values)

@@ -27,6 +27,8 @@ from orchestration.system import Member, Port, System, ssp
 from tests.support.command import here, on_terminal, posix, ppy, refused
 from tests.support.master.sleeper import build_sleeper
 
+pytestmark = pytest.mark.real_time
+
 UNITS = {"characters": "1", "voltage_age": "1", "link_state": "1"}
 FAILING = ["--set", "fails_at=0.5"]
 

@@ -25,6 +25,8 @@ from tests.support.command import posix
 from tests.support.master.samples import build_member, ring
 from tests.support.master.sleeper import build_sleeper
 
+pytestmark = pytest.mark.real_time
+
 LATE = 0.5  # s; what a busy machine may take
 
 

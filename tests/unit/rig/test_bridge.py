@@ -20,6 +20,8 @@ from orchestration.rig.keys import add_client, make_keys
 from tests.support.command import refused
 from tests.support.rig.small_rig import SmallRig, free_port
 
+pytestmark = pytest.mark.real_time
+
 PATIENCE = 10.0  # s, for what takes milliseconds on an idle machine
 
 

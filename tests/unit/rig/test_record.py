@@ -24,6 +24,8 @@ from orchestration.rig.record.plan import plan
 from tests.support.command import here, posix, refused
 from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS, SmallRig, free_port
 
+pytestmark = pytest.mark.real_time
+
 LEVELS = """
 title = "Levels"
 component = "ppy_actuator"

@@ -23,6 +23,8 @@ from orchestration.rig.server.board import (
     write_text,
 )
 
+pytestmark = pytest.mark.real_time
+
 numbers = st.lists(st.floats(allow_nan=False), max_size=32)
 
 

@@ -18,6 +18,8 @@ from orchestration.rig.server.calls import Signals
 from orchestration.rig.server.desk import Desk
 from orchestration.rig.server.rig import State
 
+pytestmark = pytest.mark.real_time
+
 SIGNALS = Signals({"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m"}, {"current": Limit(-1.3, 1.3)})
 
 

@@ -7,6 +7,8 @@ import pytest
 from orchestration.rig.server.board import REST, RUN, Beat, Command
 from orchestration.rig.server.guard import fault_of
 
+pytestmark = pytest.mark.real_time
+
 NOW, WATCHDOG, PERIOD = 100.0, 0.2, 1 / 30
 
 

@@ -11,6 +11,8 @@ import pytest
 from fmus.kit.errors import UserError
 from orchestration.rig.server.log import EventLog
 
+pytestmark = pytest.mark.real_time
+
 
 def test_lines_go_to_both_places_with_wall_time(tmp_path, capsys):
     file = tmp_path / "rig.log"

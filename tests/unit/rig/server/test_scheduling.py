@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from orchestration.rig.server.scheduling import Deadlines
 
+pytestmark = pytest.mark.real_time
+
 
 @given(st.floats(1e-3, 10.0), st.floats(0.0, 1e6), st.lists(st.floats(0.0, 30.0), max_size=50))
 def test_deadlines_are_whole_periods_from_the_start_and_none_is_in_the_past(period, start, delays):

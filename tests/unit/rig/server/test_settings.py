@@ -10,6 +10,8 @@ import pytest
 from fmus.kit.errors import UserError
 from orchestration.rig.server.settings import Settings, is_loopback, read_endpoint, read_options
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.mark.parametrize(
     ("given", "part"),
