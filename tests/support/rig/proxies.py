@@ -1,4 +1,4 @@
-"""Proxies through their bare C functions, at a small rig of the test's own."""
+"""The proxies as FMUs, both builds, through their bare C functions, at a small rig of the test's own."""
 
 from __future__ import annotations
 

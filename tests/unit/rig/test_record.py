@@ -22,7 +22,7 @@ from orchestration.experiment.model import parse
 from orchestration.rig.keys import make_keys
 from orchestration.rig.record.plan import plan
 from tests.support.command import here, posix, refused
-from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS, SmallRig, free_port
+from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS, SmallRig, free_port, small_rig_process
 
 LEVELS = """
 title = "Levels"
@@ -338,9 +338,7 @@ def test_a_lost_link_ends_it(tmp_path, experiment):
 
 def test_a_server_that_is_killed(tmp_path, experiment):
     port = free_port()
-    command = [sys.executable, "-m", "tests.support.rig.small_rig", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout.readline() == "ready\n"
+    with small_rig_process(port) as server:
         threading.Timer(1.5, server.kill).start()
         path = experiment(30.0)
         done = here(
