@@ -180,9 +180,7 @@ class Link:
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
         if self._keys is not None:
-            socket.curve_serverkey = self._keys.server_key.encode()
-            socket.curve_publickey = self._keys.public_key.encode()
-            socket.curve_secretkey = self._keys.secret_key.encode()
+            self._keys.unlock(socket)
         try:
             socket.connect(self.endpoint)
         except zmq.ZMQError as error:

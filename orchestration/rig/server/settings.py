@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from ipaddress import ip_address
@@ -13,7 +12,6 @@ from fmus.kit.errors import UserError
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.01, 60.0)  # s
-_ENDPOINT = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
 
 
 @dataclass(frozen=True)
@@ -107,30 +105,6 @@ def is_loopback(host: str) -> bool:
         return ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return False
-
-
-def read_endpoint(text: str) -> tuple[str, int]:
-    """Split an endpoint.
-
-    Parameters
-    ----------
-    text : str
-        Like ``tcp://127.0.0.1:5570``.
-
-    Returns
-    -------
-    tuple of str and int
-        Host and port.
-
-    Raises
-    ------
-    UserError
-        If it is none.
-    """
-    match = _ENDPOINT.fullmatch(text)
-    if match is None:
-        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT")
-    return match["host"], int(match["port"])
 
 
 def read_options(texts: list[str]) -> dict[str, str]:

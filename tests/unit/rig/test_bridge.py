@@ -15,7 +15,7 @@ import pytest
 import zmq
 
 from orchestration.rig.bridge import Bridge
-from orchestration.rig.endpoint import endpoint
+from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.keys import add_client, make_keys
 from tests.support.command import refused
 from tests.support.rig.small_rig import SmallRig, free_port, small_rig_process
@@ -226,7 +226,7 @@ def test_endpoints_that_are_none(keys, tmp_path, text):
 def test_only_the_loopback_address_listens(keys):
     """What the kernel says of our listening sockets."""
     port = free_port()
-    bridge = Bridge(endpoint("tcp://127.0.0.1:5999", keys[1]), port)
+    bridge = Bridge(read_endpoint("tcp://127.0.0.1:5999", keys[1]), port)
     try:
         rows = [row.split() for table in ("tcp", "tcp6") for row in Path("/proc/net", table).read_text().splitlines()]
     except FileNotFoundError:
