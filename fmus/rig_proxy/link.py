@@ -177,6 +177,7 @@ class Link:
         for option in (zmq.SNDHWM, zmq.RCVHWM):
             socket.setsockopt(option, _QUEUE)
         socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
         if self._keys is not None:
