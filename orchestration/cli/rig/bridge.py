@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from fmus.kit.errors import UserError
+from fmus.rig_proxy.protocol import PORT
 from orchestration.cli.options import RigEndpoint, option
-
-_PORT = 5570
 
 
 def bridge(
@@ -18,7 +17,7 @@ def bridge(
     credentials: Annotated[Path, option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys).")],
     port: Annotated[
         int, typer.Option("--port", min=1, max=65534, help="On this machine; telemetry is one higher.")
-    ] = _PORT,
+    ] = PORT,
 ) -> None:
     """Carry proxies that cannot encrypt to a server with keys: plain on this machine only, CURVE beyond it."""
     from orchestration.reporting.console import note, out, warn

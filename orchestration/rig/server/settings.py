@@ -9,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 
 from fmus.kit.errors import UserError
+from fmus.rig_proxy.protocol import PORT
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.01, 60.0)  # s
@@ -55,7 +56,7 @@ class Settings:
     watchdog: float = 0.2
     lockstep: bool = False
     host: str = "127.0.0.1"
-    port: int = 5570
+    port: int = PORT
     keys: Path | None = None
     log: Path | None = None
     priority: int | None = None
