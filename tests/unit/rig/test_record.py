@@ -244,7 +244,7 @@ def test_more_than_the_rig_allows(tmp_path, experiment):
 
 def test_a_rig_that_is_not_to_be_had(tmp_path, experiment):
     arguments = ["rig", "record", "--stimulus", experiment(), "--out", "run.nc", "--endpoint"]
-    with SmallRig() as rig:
+    with SmallRig(watchdog=1e9) as rig:  # nobody commands it while it is running
         rig.safe("no command for 0.2 s")
         refused(tmp_path, *arguments, rig.endpoint, parts=["safe state", "no command for 0.2 s", "ppy rig acknowledge"])
         rig.state, rig.client = "running", "somebody"
