@@ -168,12 +168,20 @@ def test_an_old_value_never_looks_fresh(tmp_path, experiment):
     assert np.isfinite(data.current.values[-5:]).any()
 
 
+def falls_blind(rig, after):
+    """Let a rig measure nothing from some time, in s, after the first command on."""
+    while not rig.of_type("exchange"):
+        time.sleep(0.01)
+    time.sleep(after)
+    rig.measures = False
+
+
 def test_max_age(tmp_path, experiment):
     still = LEVELS.replace('kind = "multilevel"', 'kind = "constant"').split("levels =")[0] + 'value = "0.5 A"\n'
     path = experiment(1.5, 0.05, still)
     for max_age, last in (("0.2s", False), ("5s", True)):
         with SmallRig() as rig:
-            threading.Timer(0.7, lambda rig=rig: setattr(rig, "measures", False)).start()
+            threading.Thread(target=falls_blind, args=(rig, 0.6), daemon=True).start()
             data = recorded(rig, tmp_path, path, "--max-age", max_age)
         assert np.isfinite(data.voltage.values[5])
         assert np.isfinite(data.voltage.values[-1]) == last  # the input stands still, so that it would belong to it
