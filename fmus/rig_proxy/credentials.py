@@ -39,6 +39,18 @@ class ClientKeys:
     def __repr__(self) -> str:
         return f"ClientKeys(public_key={self.public_key!r})"  # a secret has no place in a log
 
+    def unlock(self, socket: Any) -> None:
+        """Let a ZeroMQ socket that connects to the server prove who it is, and encrypt.
+
+        Parameters
+        ----------
+        socket : zmq.Socket
+            Not connected yet.
+        """
+        socket.curve_serverkey = self.server_key.encode()
+        socket.curve_publickey = self.public_key.encode()
+        socket.curve_secretkey = self.secret_key.encode()
+
 
 def read_client_keys(path: Path, warn: Callable[[str], None] = lambda text: None) -> ClientKeys:
     """Read a client's key file, as ``ppy rig keys`` writes it.

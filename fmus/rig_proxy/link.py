@@ -177,12 +177,11 @@ class Link:
         for option in (zmq.SNDHWM, zmq.RCVHWM):
             socket.setsockopt(option, _QUEUE)
         socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
         if self._keys is not None:
-            socket.curve_serverkey = self._keys.server_key.encode()
-            socket.curve_publickey = self._keys.public_key.encode()
-            socket.curve_secretkey = self._keys.secret_key.encode()
+            self._keys.unlock(socket)
         try:
             socket.connect(self.endpoint)
         except zmq.ZMQError as error:

@@ -13,7 +13,8 @@ from ..kit.errors import UserError
 
 VERSION = 1
 MAX_FRAME = 65536  # bytes
-ENDPOINT = "tcp://127.0.0.1:5570"
+PORT = 5570
+ENDPOINT = f"tcp://127.0.0.1:{PORT}"
 
 REAL_TIME, LOCKSTEP = "real-time", "lockstep"
 IDLE, RUNNING, SAFE = "idle", "running", "safe"

@@ -49,7 +49,7 @@ def run(
     settings : Mapping of str to object, optional
         Of an experiment: what replaces values of its file, such as ``{"duration": "20 s", "R1": "610 mohm"}``.
     **options
-        Of a system: ``method``, ``record``, ``extrapolation``, ``tolerance``, ... as `orchestration.master.run` has.
+        Of a system: ``method``, ``record``, ``tolerance``, ``real_time``, ... as `orchestration.master.run` has.
 
     Returns
     -------

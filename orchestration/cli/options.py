@@ -116,6 +116,10 @@ Stop = Annotated[float | None, option("--stop", metavar="TIME", help=f"Stop time
 Step = Annotated[float | None, option("--step", metavar="TIME", help=f"Communication step, {_TIME}", parser=seconds)]
 Record = Annotated[Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")]
 Picture = Annotated[Path | None, option("--plot", metavar="FILE", help="Picture to draw (.png, .svg or .pdf).")]
+RigEndpoint = Annotated[str, typer.Option("--endpoint", metavar="tcp://HOST:PORT", help="The rig's server.")]
+Credentials = Annotated[
+    Path | None, option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys).")
+]
 Json = Annotated[
     Path | None,
     option("--json", metavar="FILE", help="The result as JSON; - is standard output, which then holds nothing else."),

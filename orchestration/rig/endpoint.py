@@ -1,4 +1,4 @@
-"""Where a rig's server is: its two addresses, and the keys that a socket needs to get in."""
+"""Where a rig's server is: host and port, its two addresses, and the keys that a socket needs to get in."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fmus.kit.errors import UserError
 from fmus.rig_proxy.credentials import ClientKeys, read_client_keys
 from fmus.rig_proxy.protocol import MAX_FRAME
 
-_FORM = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.-]+):(?P<port>\d{1,5})")
+_FORM = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
 _LONGEST_QUEUE = 16  # messages: what a socket may hold for a peer that does not take them
 _HEARTBEAT = 500  # ms; a peer that is silent for three of them is taken for dead, and connected to anew
 
@@ -46,9 +46,7 @@ class Endpoint:
         socket.reconnect_ivl, socket.reconnect_ivl_max = 100, 500  # ms
         socket.heartbeat_ivl, socket.heartbeat_timeout = _HEARTBEAT, 3 * _HEARTBEAT
         if self.keys is not None:
-            socket.curve_serverkey = self.keys.server_key.encode()
-            socket.curve_publickey = self.keys.public_key.encode()
-            socket.curve_secretkey = self.keys.secret_key.encode()
+            self.keys.unlock(socket)
         socket.connect(address)
 
 
@@ -59,8 +57,34 @@ def bounded(socket: Any) -> None:
     socket.maxmsgsize = MAX_FRAME
 
 
-def endpoint(text: str, credentials: Path | None = None, warn: Callable[[str], None] = lambda line: None) -> Endpoint:
-    """Read where a rig's server is.
+def host_and_port(text: str) -> tuple[str, int]:
+    """Split an endpoint.
+
+    Parameters
+    ----------
+    text : str
+        Like ``tcp://127.0.0.1:5570``.
+
+    Returns
+    -------
+    tuple of str and int
+        The host, which for a server may be ``*``, every address it has; and the port.
+
+    Raises
+    ------
+    UserError
+        If it is none.
+    """
+    match = _FORM.fullmatch(text)
+    if match is None:
+        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT")
+    return match["host"], int(match["port"])
+
+
+def read_endpoint(
+    text: str, credentials: Path | None = None, warn: Callable[[str], None] = lambda line: None
+) -> Endpoint:
+    """Read where a client finds a rig's server.
 
     Parameters
     ----------
@@ -80,8 +104,8 @@ def endpoint(text: str, credentials: Path | None = None, warn: Callable[[str], N
     UserError
         If the text is no endpoint, or the key file is none.
     """
-    match = _FORM.fullmatch(text)
-    if match is None or not 1 <= int(match["port"]) <= 65534:
-        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT, with a port from 1 to 65534")
+    host, port = host_and_port(text)
+    if "*" in host or not 1 <= port <= 65534:
+        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT, with one host and a port from 1 to 65534")
     keys = None if credentials is None else read_client_keys(credentials, warn)
-    return Endpoint(text, f"tcp://{match['host']}:{int(match['port']) + 1}", keys)
+    return Endpoint(text, f"tcp://{host}:{port + 1}", keys)

@@ -19,7 +19,7 @@ from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import suggestion
 from orchestration.rig.emulator.emulator import EmulatedRig
 from tests.support.archive import edited
-from tests.support.command import here, measure, posix, ppy, refused
+from tests.support.command import here, measure, on_terminal, posix, ppy, refused
 
 HERE = host_platform()
 EARLIER = "the result of earlier work\n"
@@ -373,29 +373,12 @@ def test_a_reader_that_has_left_is_no_error(folder, arguments):
 
 @posix
 def test_progress_is_a_bar_on_a_terminal_and_plain_lines_elsewhere(folder):
-    import pty
-
     command = ["simulate", "ppy_actuator", "--stop", "3000"]
     plain = ppy(*command, cwd=folder).stderr
     assert plain.splitlines() == ["building ppy_actuator (native) unless it is there", "simulating ppy_actuator"]
-    ours, theirs = pty.openpty()
-    running = subprocess.Popen(
-        [sys.executable, "-m", "orchestration.cli", *command], cwd=folder, stdout=subprocess.DEVNULL, stderr=theirs,
-        env={k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "CI")} | {"TERM": "xterm", "COLUMNS": "100"},
-    )  # fmt: skip
-    os.close(theirs)
-    shown = b""
-    while True:
-        try:
-            more = os.read(ours, 4096)
-        except OSError:  # Linux: the other end is closed
-            break
-        if not more:
-            break
-        shown += more
-    os.close(ours)
-    assert running.wait() == 0
-    text = shown.decode()
+    (folder / "scratch").mkdir(exist_ok=True)
+    code, _, text = on_terminal(*command, cwd=folder)
+    assert code == 0
     assert "simulating ppy_actuator" in text
     assert "━" in text  # the bar
     assert re.search(r"0:00:0\d", text)  # the time taken, or to come

@@ -18,6 +18,7 @@ import typer
 from fmus.kit.build.toolchain import host_platform
 from orchestration.cli import app as cli
 from tests.support import source
+from tests.support.rig.process import Server
 
 ROOT = source.ROOT
 PAGES = [
@@ -116,6 +117,17 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
     for language, text in BLOCK.findall(section):
         assert language == "python"
         run([sys.executable, "-c", text], tmp_path)
+
+
+def test_the_rig_of_the_readme_is_in_the_loop(tmp_path: Path) -> None:
+    """Demo and live view, which open a page, are run by tests of their own."""
+    section = (ROOT / "README.md").read_text(encoding="utf-8").split("## With a rig in the loop")[1].split("\n## ")[0]
+    commands = [line.split("  #")[0].rstrip(" &") for line in re.findall(r"^ppy .*$", section, re.M)]
+    demo, serve, watch, loop = commands
+    assert (demo, watch) == ("ppy rig demo", "ppy rig watch")
+    patient = ("--watchdog", "5")  # the machine may be busy
+    with Server(tmp_path, "emulator", *serve.removeprefix("ppy rig serve").split(), *patient) as server:
+        run(f"{loop} --set duration=1s --set proxy.endpoint={server.wait_ready()}", tmp_path)
 
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=str)

@@ -12,7 +12,7 @@ import zmq
 from fmus.rig_proxy.link import Link
 from fmus.rig_proxy.protocol import REPLIES, decode
 from orchestration.rig.backends.emulator import Emulator
-from orchestration.rig.endpoint import endpoint
+from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import ask
 from tests.support.command import refused, works
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
@@ -127,7 +127,7 @@ def test_status_as_a_line_and_as_json(tmp_path):
         server.wait_ready()
         line = works("rig", "status", "--endpoint", server.endpoint, cwd=tmp_path)
         assert line == "idle; real-time, period 0.03333 s, watchdog 0.2 s\n"
-        told = json.loads(works("rig", "status", "--json", "--endpoint", server.endpoint, cwd=tmp_path))
+        told = json.loads(works("rig", "status", "--json", "-", "--endpoint", server.endpoint, cwd=tmp_path))
         assert told["inputs"] == INPUTS
 
 
@@ -157,7 +157,7 @@ def test_the_emulated_rig_in_real_time_is_served_at_a_hundred_hertz(tmp_path):
         server.wait_ready()
         driver = Driver(server.endpoint, lambda number: [0.5, 1.0]).start(100)
         driver.stop()
-        status = ask(endpoint(server.endpoint), "status")
+        status = ask(read_endpoint(server.endpoint), "status")
     assert driver.unanswered == 0
     assert {sample["state"] for sample in driver.samples} == {"running"}
     voltages = [sample["values"][0] for sample in driver.samples]

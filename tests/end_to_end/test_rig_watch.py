@@ -17,9 +17,9 @@ import pytest
 from orchestration.rig.keys import make_keys
 from tests.support.browser import chromium
 from tests.support.command import posix, refused
-from tests.support.rig.client import Session
+from tests.support.rig.driver import PERIOD, Driver
 from tests.support.rig.process import ROOT, Server
-from tests.support.rig.small_rig import SmallRig, free_port
+from tests.support.rig.small_rig import SmallRig, free_port, small_rig_process
 
 pytestmark = pytest.mark.real_time
 
@@ -104,7 +104,7 @@ def test_every_signal_with_unit_limits_and_age(tab):
         tab.open(watch.address, 1280)
         until(lambda: text(tab, "state") == "idle")
         assert (text(tab, "client"), text(tab, "name")) == ("none", rig.endpoint)
-        with Session(rig.endpoint, lambda now: (0.5, 2.0), client="bench PC"):
+        with Driver(rig.endpoint, lambda number: (0.5, 2.0), client="bench PC"):
             until(lambda: text(tab, "state") == "running")
             assert text(tab, "client") == "bench PC"
             _, shown = until(lambda: (found := tab.run(SHOWN))["current"]["value"] == "0.500" and found)
@@ -126,7 +126,7 @@ def test_every_signal_with_unit_limits_and_age(tab):
     [(1.1, "card", ""), (1.28, "card near", "near its limit"), (-1.29, "card near", "near its limit")],
 )
 def test_a_value_near_its_limit_stands_out(tab, current, kind, badge):
-    with SmallRig() as rig, watching(rig.port) as watch, Session(rig.endpoint, lambda now: (current, 1.0)):
+    with SmallRig() as rig, watching(rig.port) as watch, Driver(rig.endpoint, lambda number: (current, 1.0)):
         tab.open(watch.address, 1280)
         until(lambda: tab.run(SHOWN).get("current", {}).get("value") == f"{current:.3f}".replace("-", "−"))
         shown = tab.run(SHOWN)
@@ -156,7 +156,7 @@ def test_the_chart_shows_the_last_minute_to_a_page_that_comes_late(tab):
     with (
         SmallRig() as rig,
         watching(rig.port) as watch,
-        Session(rig.endpoint, lambda now: (0.4 * (-1) ** int(4 * now), 1.0)),
+        Driver(rig.endpoint, lambda number: (0.4 * (-1) ** int(4 * PERIOD * number), 1.0)),
     ):
         time.sleep(2.0)
         tab.open(watch.address, 1280)
@@ -217,30 +217,21 @@ def test_what_the_rig_says_is_text(tab):
 
 def test_a_server_that_is_killed_is_missed_within_a_second_and_found_again(tab):
     port = free_port()
-    server = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.rig.small_rig", str(port)], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert server.stdout.readline() == "ready\n"
-        with watching(port) as watch:
-            tab.open(watch.address, 1280)
-            until(lambda: text(tab, "state") == "idle")
-            server.kill()
-            server.wait()
-            took, _ = until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
-            assert "No contact with the rig’s server" in text(tab, "alarm")
-            assert text(tab, "state") == "no contact (was idle)"
-            assert tab.run("document.getElementById('alarm').getAttribute('role')") == "alert"
-            assert tab.run("getComputedStyle(document.getElementById('alarm')).display") == "block"
-            print(f"said after {took:.2f} s")
-            with SmallRig(port):
-                until(lambda: not is_lost(tab) and text(tab, "state") == "idle")
-                assert "contact lost" in text(tab, "events")
-            assert tab.complaints == []
-    finally:
+    with small_rig_process(port) as server, watching(port) as watch:
+        tab.open(watch.address, 1280)
+        until(lambda: text(tab, "state") == "idle")
         server.kill()
         server.wait()
-        server.stdout.close()
+        took, _ = until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
+        assert "No contact with the rig’s server" in text(tab, "alarm")
+        assert text(tab, "state") == "no contact (was idle)"
+        assert tab.run("document.getElementById('alarm').getAttribute('role')") == "alert"
+        assert tab.run("getComputedStyle(document.getElementById('alarm')).display") == "block"
+        print(f"said after {took:.2f} s")
+        with SmallRig(port):
+            until(lambda: not is_lost(tab) and text(tab, "state") == "idle")
+            assert "contact lost" in text(tab, "events")
+        assert tab.complaints == []
 
 
 def test_a_server_that_hangs_is_missed_too(tab):
@@ -310,7 +301,7 @@ def test_the_page_misses_the_program_that_serves_it(tab, number):
 
 
 def test_stop_pressed_by_mouse_stops_the_rig(tab):
-    with SmallRig() as rig, watching(rig.port) as watch, Session(rig.endpoint, lambda now: (0.5, 1.0)):
+    with SmallRig() as rig, watching(rig.port) as watch, Driver(rig.endpoint, lambda number: (0.5, 1.0)):
         tab.open(watch.address, 1280)
         until(lambda: text(tab, "state") == "running")
         left, top, width, height = tab.run(BOX)
@@ -404,7 +395,11 @@ def test_a_stop_that_nobody_confirms_says_so(tab):
 @pytest.mark.parametrize("width", [1280, 400])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_it_fits_and_can_be_read(tab, width, scheme):
-    with SmallRig() as rig, watching(rig.port) as watch, Session(rig.endpoint, lambda now: (1.29, 2.0), "x" * 80):
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        Driver(rig.endpoint, lambda number: (1.29, 2.0), client="x" * 80),
+    ):
         tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         tab.open(watch.address, width)
         until(lambda: tab.run(SHOWN).get("current", {}).get("value") == "1.290")

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from fmus.kit.errors import UserError
 from fmus.rig_proxy.protocol import ENDPOINT
-from orchestration.cli.options import complete_experiments, option, seconds
+from orchestration.cli.options import Credentials, RigEndpoint, complete_experiments, option, seconds
 from orchestration.cli.outputs import SIGNALS, Outputs
 from orchestration.cli.real_time import JOURNAL, keep, status_line
 
@@ -31,10 +29,8 @@ def record(
         ),
     ],
     out: Annotated[Path, option("--out", metavar="FILE", help="Record: .nc, .parquet or .csv.")],
-    endpoint: Annotated[str, typer.Option("--endpoint", metavar="TCP", help="The rig's server.")] = ENDPOINT,
-    credentials: Annotated[
-        Path | None, option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys).")
-    ] = None,
+    endpoint: RigEndpoint = ENDPOINT,
+    credentials: Credentials = None,
     rate: Annotated[
         float | None, option("--rate", metavar="HZ", help="Rows a second; default those of the experiment.")
     ] = None,
@@ -52,7 +48,7 @@ def record(
     from orchestration.experiment.reading import files, read
     from orchestration.reporting.console import note, warn, wrote
     from orchestration.reporting.console import out as terminal
-    from orchestration.rig.endpoint import endpoint as read_endpoint
+    from orchestration.rig.endpoint import read_endpoint
     from orchestration.rig.operator import ask
     from orchestration.rig.record.data import sketch
     from orchestration.rig.record.plan import plan

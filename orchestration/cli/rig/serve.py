@@ -48,12 +48,13 @@ def serve(
     Ends in the safe state on Ctrl-C and SIGTERM; SIGUSR1 and ppy rig stop are an emergency stop.
     """
     from fmus.rig_proxy.protocol import ENDPOINT
+    from orchestration.rig.endpoint import host_and_port
     from orchestration.rig.server.front import serve as work
-    from orchestration.rig.server.settings import Settings, read_endpoint, read_options
+    from orchestration.rig.server.settings import Settings, read_options
 
     if endpoint is not None and (host is not None or port is not None):
         raise UserError("--endpoint says all that --bind and --port do; give one of them")
-    default = read_endpoint(endpoint or ENDPOINT)
+    default = host_and_port(endpoint or ENDPOINT)
     settings = Settings(
         backend, read_options(options or []), rate, watchdog, lockstep,
         default[0] if host is None else host, default[1] if port is None else port, keys, log, priority, cpu,

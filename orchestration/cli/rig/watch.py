@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from fmus.rig_proxy.protocol import ENDPOINT
-from orchestration.cli.options import option
+from orchestration.cli.options import Credentials, RigEndpoint
 
 
 def watch(
-    endpoint: Annotated[str, typer.Option("--endpoint", metavar="TCP", help="The rig's server.")] = ENDPOINT,
-    credentials: Annotated[
-        Path | None, option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys).")
-    ] = None,
+    endpoint: RigEndpoint = ENDPOINT,
+    credentials: Credentials = None,
     port: Annotated[
         int, typer.Option("--port", min=0, max=65535, help="Of the page, on this machine; 0 takes a free one.")
     ] = 8765,
@@ -27,13 +24,13 @@ def watch(
 
     from orchestration.reporting.console import out, warn
     from orchestration.rig.ending import until_told
-    from orchestration.rig.endpoint import endpoint as read
+    from orchestration.rig.endpoint import read_endpoint
     from orchestration.rig.operator import ask
     from orchestration.rig.watch.feed import Feed
     from orchestration.rig.watch.listen import Listener
     from orchestration.rig.watch.serve import PageServer
 
-    remote, feed = read(endpoint, credentials, warn), Feed()
+    remote, feed = read_endpoint(endpoint, credentials, warn), Feed()
 
     def stop() -> dict[str, object]:
         return ask(remote, "stop", reason="stop button of ppy rig watch")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from ipaddress import ip_address
@@ -10,10 +9,10 @@ from math import isfinite
 from pathlib import Path
 
 from fmus.kit.errors import UserError
+from fmus.rig_proxy.protocol import PORT
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.01, 60.0)  # s
-_ENDPOINT = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class Settings:
     watchdog: float = 0.2
     lockstep: bool = False
     host: str = "127.0.0.1"
-    port: int = 5570
+    port: int = PORT
     keys: Path | None = None
     log: Path | None = None
     priority: int | None = None
@@ -107,30 +106,6 @@ def is_loopback(host: str) -> bool:
         return ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return False
-
-
-def read_endpoint(text: str) -> tuple[str, int]:
-    """Split an endpoint.
-
-    Parameters
-    ----------
-    text : str
-        Like ``tcp://127.0.0.1:5570``.
-
-    Returns
-    -------
-    tuple of str and int
-        Host and port.
-
-    Raises
-    ------
-    UserError
-        If it is none.
-    """
-    match = _ENDPOINT.fullmatch(text)
-    if match is None:
-        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT")
-    return match["host"], int(match["port"])
 
 
 def read_options(texts: list[str]) -> dict[str, str]:

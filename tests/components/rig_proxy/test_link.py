@@ -12,6 +12,7 @@ from fmus.kit import UserError
 from fmus.rig_proxy import protocol
 from fmus.rig_proxy.link import Link, LinkError
 from orchestration.rig.keys import make_keys
+from tests.support.rig.scripted_rig import ScriptedRig, served
 from tests.support.rig.small_rig import INPUTS, OUTPUTS, SmallRig, free_port
 
 
@@ -46,6 +47,12 @@ def test_a_session_from_begin_to_end(linked):
         assert 0.0 < link.round_trip_time < 1.0
         link.disconnect()
         assert rig.state == "idle"
+
+
+def test_a_rig_is_reached_by_ipv6(closing):
+    with served(ScriptedRig(1), "tcp://[::1]:*", ipv6=True) as endpoint:
+        closing.append(Link(endpoint, {"current": "A"}, {"voltage": "V"}))
+        assert closing[-1].connect(0.0, 2.0)["session"] == "session-1"
 
 
 def test_keys_let_in_and_others_get_nothing(linked, tmp_path):

@@ -1,6 +1,7 @@
-"""A cable between client and server that loses, delays, doubles, swaps and damages messages, repeatably by its seed.
+"""Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably by its seed.
 
 It also writes down when it handed a fresh command to the server: what the time to the safe state is measured from.
+Faults of the bytes below are in :mod:`tests.support.rig.relay`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A client that exchanges at a steady rate, in a thread of this process or as a process of its own."""
+"""The project's own client at a steady rate, in a thread of this process or as a process of its own."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from fmus.rig_proxy.link import Link, LinkError
+from tests.support.rig.backends import Logged
 
-INPUTS, OUTPUTS = {"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m"}
+INPUTS, OUTPUTS = Logged.inputs, Logged.outputs
 PERIOD = 0.02  # s
 
 
@@ -22,7 +23,7 @@ def usual(number: int) -> Sequence[float]:
 
 
 class Driver:
-    """A client in a thread.
+    """A client in a thread; a context, in which it exchanges.
 
     Parameters
     ----------
@@ -106,6 +107,12 @@ class Driver:
     def _sleep(self, number: int) -> Sequence[float]:
         self._ending.wait(60.0)
         raise LinkError("woken up at the end of the test")
+
+    def __enter__(self) -> Driver:
+        return self.start()
+
+    def __exit__(self, *error: object) -> None:
+        self.stop()
 
     def stop(self, *, orderly: bool = True) -> None:
         """End the thread."""

@@ -1,4 +1,4 @@
-"""The engine of a native rig proxy in a process of its own, watched by the sanitizers where gcc is there."""
+"""The engine of the native proxy without its FMU, in a process of its own, under the sanitizers where gcc is."""
 
 from __future__ import annotations
 

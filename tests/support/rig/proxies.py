@@ -1,4 +1,4 @@
-"""Proxies through their bare C functions, at a small rig of the test's own."""
+"""The proxies as FMUs, both builds, through their bare C functions, at a small rig of the test's own."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Any
 
 from fmus import component
 from tests.contract.raw import OK, Instance, references
-from tests.support.rig.small_rig import SmallRig
+from tests.support.rig.small_rig import INPUTS, SmallRig
 
-INPUTS = {"current": "A", "force": "N"}
 OUTPUTS = {
     "voltage": "V", "displacement": "m", "electrochemical_displacement": "m", "mechanical_displacement": "m",
     "charge": "C",

@@ -1,4 +1,7 @@
-"""Listening on TCP without ZeroMQ, and a relay in front of a server that spoils the bytes it sends back."""
+"""Faults of bytes, below ZeroMQ: a listener on TCP, and a relay that spoils what a server sends back.
+
+Faults of whole messages are in :mod:`tests.support.rig.bad_link`.
+"""
 
 from __future__ import annotations
 

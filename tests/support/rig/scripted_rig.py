@@ -1,4 +1,7 @@
-"""A rig server of few lines whose every answer is a function, which a test replaces by a worse one."""
+"""Answers to a client, each a function that a test replaces by a worse one: late, repeated, cut, or not even a message.
+
+No more than what the native proxy asks for; a rig that behaves is in :mod:`tests.support.rig.small_rig`.
+"""
 
 from __future__ import annotations
 

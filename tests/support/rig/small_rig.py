@@ -1,18 +1,21 @@
-"""A small rig server of its own, written from ``docs/reference/protocol.md``, whose faults a test chooses.
+"""A whole rig server of the tests' own: state, limits, watchdog, telemetry and keys, all as the protocol wants them.
 
-It shares with the project nothing but the key file. In a thread (:class:`SmallRig`), or as a process that can be
-killed: ``python -m tests.support.rig.small_rig PORT [KEYS]``.
+Written from ``docs/reference/protocol.md``, it shares with the project nothing but the key file. In a thread
+(:class:`SmallRig`), or as a process that can be killed (:func:`small_rig_process`). Answers that the protocol does not
+allow are the affair of :mod:`tests.support.rig.scripted_rig`.
 """
 
 from __future__ import annotations
 
 import json
 import socket
+import subprocess
 import sys
 import threading
 import time
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -226,6 +229,19 @@ class _Allowed:
 
     def callback(self, domain: str, key: bytes) -> bool:
         return key in self._clients  # as Z85
+
+
+@contextmanager
+def small_rig_process(port: int, keys: Path | None = None) -> Iterator[subprocess.Popen[str]]:
+    """Serve in a process of its own, for a test to kill."""
+    command = [sys.executable, "-m", "tests.support.rig.small_rig", str(port), *([str(keys)] if keys else [])]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            yield process
+        finally:
+            process.kill()
 
 
 def main() -> None:

@@ -15,10 +15,10 @@ import pytest
 import zmq
 
 from orchestration.rig.bridge import Bridge
-from orchestration.rig.endpoint import endpoint
+from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.keys import add_client, make_keys
 from tests.support.command import refused
-from tests.support.rig.small_rig import SmallRig, free_port
+from tests.support.rig.small_rig import SmallRig, free_port, small_rig_process
 
 pytestmark = pytest.mark.real_time
 
@@ -164,25 +164,17 @@ def test_frames_that_the_protocol_does_not_allow_are_dropped(keys, plain):
 
 def test_a_server_that_dies_is_answered_by_nobody_and_found_again(keys, plain):
     port = free_port()
-    command = [sys.executable, "-m", "tests.support.rig.small_rig", str(port), str(keys[0])]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        assert server.stdout.readline() == "ready\n"
-        with Carrying(port, keys[1]) as bridge:
-            client = plain(bridge.port)
-            assert client.ask("status")["type"] == "status"
-            server.kill()
-            server.wait()
-            for _ in range(50):
-                assert client.ask("stop", 0.01, reason="too late") is None
-            time.sleep(1.2)  # longer than anything waits for a server
-            with SmallRig(port, keys=keys[0]) as again:
-                assert client.ask_until_answered("status")["state"] == "idle"
-                assert again.of_type("stop") == []  # nothing old arrived
-    finally:
+    with small_rig_process(port, keys[0]) as server, Carrying(port, keys[1]) as bridge:
+        client = plain(bridge.port)
+        assert client.ask("status")["type"] == "status"
         server.kill()
         server.wait()
-        server.stdout.close()
+        for _ in range(50):
+            assert client.ask("stop", 0.01, reason="too late") is None
+        time.sleep(1.2)  # longer than anything waits for a server
+        with SmallRig(port, keys=keys[0]) as again:
+            assert client.ask_until_answered("status")["state"] == "idle"
+            assert again.of_type("stop") == []  # nothing old arrived
 
 
 def test_more_clients_than_connections_only_cost_the_silent_ones(keys, plain):
@@ -236,7 +228,7 @@ def test_endpoints_that_are_none(keys, tmp_path, text):
 def test_only_the_loopback_address_listens(keys):
     """What the kernel says of our listening sockets."""
     port = free_port()
-    bridge = Bridge(endpoint("tcp://127.0.0.1:5999", keys[1]), port)
+    bridge = Bridge(read_endpoint("tcp://127.0.0.1:5999", keys[1]), port)
     try:
         rows = [row.split() for table in ("tcp", "tcp6") for row in Path("/proc/net", table).read_text().splitlines()]
     except FileNotFoundError:

@@ -22,7 +22,7 @@ from orchestration.experiment.model import parse
 from orchestration.rig.keys import make_keys
 from orchestration.rig.record.plan import plan
 from tests.support.command import here, posix, refused
-from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS, SmallRig, free_port
+from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS, SmallRig, free_port, small_rig_process
 
 pytestmark = pytest.mark.real_time
 
@@ -170,12 +170,20 @@ def test_an_old_value_never_looks_fresh(tmp_path, experiment):
     assert np.isfinite(data.current.values[-5:]).any()
 
 
+def falls_blind(rig, after):
+    """Let a rig measure nothing from some time, in s, after the first command on."""
+    while not rig.of_type("exchange"):
+        time.sleep(0.01)
+    time.sleep(after)
+    rig.measures = False
+
+
 def test_max_age(tmp_path, experiment):
     still = LEVELS.replace('kind = "multilevel"', 'kind = "constant"').split("levels =")[0] + 'value = "0.5 A"\n'
     path = experiment(1.5, 0.05, still)
     for max_age, last in (("0.2s", False), ("5s", True)):
         with SmallRig() as rig:
-            threading.Timer(0.7, lambda rig=rig: setattr(rig, "measures", False)).start()
+            threading.Thread(target=falls_blind, args=(rig, 0.6), daemon=True).start()
             data = recorded(rig, tmp_path, path, "--max-age", max_age)
         assert np.isfinite(data.voltage.values[5])
         assert np.isfinite(data.voltage.values[-1]) == last  # the input stands still, so that it would belong to it
@@ -246,7 +254,7 @@ def test_more_than_the_rig_allows(tmp_path, experiment):
 
 def test_a_rig_that_is_not_to_be_had(tmp_path, experiment):
     arguments = ["rig", "record", "--stimulus", experiment(), "--out", "run.nc", "--endpoint"]
-    with SmallRig() as rig:
+    with SmallRig(watchdog=1e9) as rig:  # nobody commands it while it is running
         rig.safe("no command for 0.2 s")
         refused(tmp_path, *arguments, rig.endpoint, parts=["safe state", "no command for 0.2 s", "ppy rig acknowledge"])
         rig.state, rig.client = "running", "somebody"
@@ -340,9 +348,7 @@ def test_a_lost_link_ends_it(tmp_path, experiment):
 
 def test_a_server_that_is_killed(tmp_path, experiment):
     port = free_port()
-    command = [sys.executable, "-m", "tests.support.rig.small_rig", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout.readline() == "ready\n"
+    with small_rig_process(port) as server:
         threading.Timer(1.5, server.kill).start()
         path = experiment(30.0)
         done = here(

@@ -11,7 +11,7 @@ from typing import Any
 
 from fmus.rig_proxy.link import LinkError
 from orchestration.rig import operator
-from orchestration.rig.endpoint import endpoint
+from orchestration.rig.endpoint import read_endpoint
 from tests.support.rig.bad_link import LIMITS, BadLink
 from tests.support.rig.driver import Driver, refusal
 from tests.support.rig.process import Call, Server
@@ -163,7 +163,7 @@ class Bench:
 
     def recovers(self) -> None:
         """After an acknowledgement a client must be served again."""
-        answer = operator.acknowledge(endpoint(self.server.endpoint), 15.0)
+        answer = operator.acknowledge(read_endpoint(self.server.endpoint), 15.0)
         assert answer["state"] == "idle", answer
         driver = self.another(self.server.endpoint, client="after")
         assert driver.samples[-1]["state"] == "running"
@@ -171,7 +171,7 @@ class Bench:
 
     def status(self) -> dict[str, Any]:
         """How the server says it is."""
-        return operator.ask(endpoint(self.server.endpoint), "status", 5.0)
+        return operator.ask(read_endpoint(self.server.endpoint), "status", 5.0)
 
     def goes_on(self, exchanges: int = 10) -> None:
         """The client must be served as if nothing had happened."""

@@ -233,9 +233,9 @@ def does_not_open_again(bench: Bench) -> None:
     bench.measure_from_written(bench.safe_after(pulled))
     server.wait_line("read() raised")
     from orchestration.rig import operator
-    from orchestration.rig.endpoint import endpoint
+    from orchestration.rig.endpoint import read_endpoint
 
-    answer = operator.acknowledge(endpoint(server.endpoint), 3.0)
+    answer = operator.acknowledge(read_endpoint(server.endpoint), 3.0)
     assert answer["state"] == "safe", answer
     assert "read() raised" in answer["reason"], answer
     server.trigger.unlink()

@@ -31,7 +31,7 @@ def stopped(bench: Bench) -> None:
     assert "safe: stopped: smoke" in printed
     bench.is_latched("stopped: smoke")
     assert "idle" in _ppy("acknowledge", "--endpoint", server.endpoint)
-    assert json.loads(_ppy("status", "--json", "--endpoint", server.endpoint))["state"] == "idle"
+    assert json.loads(_ppy("status", "--json", "-", "--endpoint", server.endpoint))["state"] == "idle"
     bench.observed = "safe: stopped: smoke"
 
 

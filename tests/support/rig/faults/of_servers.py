@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import time
 
@@ -14,14 +13,12 @@ from fmus.rig_proxy.link import Link, LinkError
 from tests.support.rig.driver import INPUTS, OUTPUTS
 from tests.support.rig.faults.bench import Bench, fault
 from tests.support.rig.process import Server
+from tests.support.rig.small_rig import free_port
 
 
 @fault("the server never starts", "the client gives up within its timeout, with a message", quick=True)
 def never_starts(bench: Bench) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    link = Link(f"tcp://127.0.0.1:{port}", INPUTS, OUTPUTS)
+    link = Link(f"tcp://127.0.0.1:{free_port()}", INPUTS, OUTPUTS)
     begun = time.monotonic()
     try:
         with pytest.raises(LinkError, match="no answer within"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.rig.server.settings import Settings, is_loopback, read_endpoint, read_options
+from orchestration.rig.server.settings import Settings, is_loopback, read_options
 
 pytestmark = pytest.mark.real_time
 
@@ -50,12 +50,7 @@ def test_loopback(host, is_it):
     assert is_loopback(host) is is_it
 
 
-def test_endpoints_and_options():
-    assert read_endpoint("tcp://127.0.0.1:5570") == ("127.0.0.1", 5570)
-    assert read_endpoint("tcp://[::1]:1") == ("[::1]", 1)
-    for text in ("127.0.0.1:5570", "ipc://x", "tcp://host", "tcp://host:123456"):
-        with pytest.raises(UserError, match="write tcp://HOST:PORT"):
-            read_endpoint(text)
+def test_options():
     assert read_options(["seed=3", "file=a=b", "empty="]) == {"seed": "3", "file": "a=b", "empty": ""}
     for texts, part in ((["seed"], "write KEY=VALUE"), (["=3"], "write KEY=VALUE"), (["a=1", "a=2"], "given twice")):
         with pytest.raises(UserError, match=part):
