@@ -19,7 +19,7 @@ from fmus.kit.build.toolchain import host_platform
 
 pytest.register_assert_rewrite("tests.contract", "tests.support")  # their assertions explain themselves, too
 
-from tests.support.punctual import Watch
+from tests.support.punctual import Watch  # noqa: E402
 
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 

@@ -11,7 +11,7 @@ import pytest
 
 from fmus import component
 from fmus.kit.errors import UserError
-from orchestration.rig.backends import signals
+from orchestration.rig import signals
 from orchestration.rig.backends.backend import Steppable
 from orchestration.rig.backends.registry import BACKENDS, backend_class, open_backend
 
