@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from orchestration.rig.server.board import REST, RUN, Beat, Command
+from orchestration.rig.server.device import look
 from orchestration.rig.server.guard import fault_of
+from orchestration.rig.server.settings import WATCHDOGS
 
 NOW, WATCHDOG, PERIOD = 100.0, 0.2, 1 / 30
 
@@ -29,3 +31,9 @@ def test_judgement(age, where, order, command_age, safe, part):
     reason = fault_of(beat, Command(order, 0, NOW - command_age), NOW, WATCHDOG, PERIOD)
     assert part in reason
     assert bool(reason) == bool(part)
+
+
+@pytest.mark.parametrize("watchdog", [*WATCHDOGS, 0.02, 0.2])
+def test_a_device_that_sleeps_is_not_held_for_hung_even_if_it_wakes_late(watchdog):
+    beat = Beat(NOW - 2 * look(watchdog), 1, True, True, b"sleep")
+    assert fault_of(beat, Command(REST, 0, NOW), NOW, watchdog, PERIOD) == ""
