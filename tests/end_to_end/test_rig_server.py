@@ -141,6 +141,7 @@ def test_nobody_there_is_a_line_within_the_timeout(tmp_path):
     for command in ("stop", "acknowledge", "status"):
         line = refused(tmp_path, "rig", command, "--endpoint", "tcp://127.0.0.1:9", "--timeout", "0.2")
         assert "no answer within 0.2 s" in line
+        assert "without keys" in line
 
 
 def test_status_as_a_line_and_as_json(tmp_path):

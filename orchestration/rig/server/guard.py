@@ -78,6 +78,8 @@ def fault_of(beat: Beat, command: Command, now: float, watchdog: float, period: 
     """
     where, age = read_text(beat.call), now - beat.time
     if age > _SHARE * watchdog:
+        if where == device.SLEEP:
+            return f"the device's process has not run for {age:.3g} s, outside of the driver: this computer is too busy"
         return f"the device hangs: {where} for {age:.3g} s"
     late = now - command.accepted - watchdog
     if command.order == RUN and not beat.safe and late > max(period / 2, _GRACE):
