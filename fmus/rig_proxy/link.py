@@ -110,7 +110,7 @@ class Link:
                 self._sequence = self._newest = 0
                 self._seen = message["clock"]
                 return message
-        keys = "" if self._keys is None else ", with these keys"
+        keys = ", without keys" if self._keys is None else ", with these keys"
         raise LinkError(f"no answer within {timeout:g} s from {self.endpoint}{keys}; is `ppy rig serve` running?")
 
     def exchange(self, values: Sequence[float], time: float, step: float, timeout: float) -> Mapping[str, Any] | None:

@@ -55,7 +55,7 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
                     return message
     finally:
         context.destroy(linger=0)
-    keys = "" if remote.keys is None else ", with these keys"
+    keys = ", without keys" if remote.keys is None else ", with these keys"
     raise UserError(f"no answer within {timeout:g} s from {remote.requests}{keys}; is `ppy rig serve` running?")
 
 

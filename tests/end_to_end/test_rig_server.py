@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from math import fsum, sin
 
 import pytest
@@ -97,6 +98,7 @@ def test_lockstep_needs_a_backend_that_can_wait(tmp_path):
     ("backend", "arguments", "part"),
     [
         ("Missing", (), "Missing"),
+        ("Limitless", (), "limits of current are no limits: -1.3 to 1.3, None/s"),
         ("Logged", ("--option", "colour=red"), "colour"),
         ("Logged", ("--option", "colour"), "write KEY=VALUE"),
         ("Logged", ("--rate", "2000"), "--rate 2000: allowed are 0.1 to 1000 Hz"),
@@ -116,10 +118,30 @@ def test_a_server_that_cannot_start_says_why_in_a_line(backend, arguments, part,
     assert errors.count("\n") == 1
 
 
+def test_a_thread_of_a_driver_does_not_hold_the_end(tmp_path):
+    with Server(tmp_path, "Threaded") as server:
+        server.wait_ready()
+        server.send(signal.SIGTERM)
+        assert server.wait_end() == 0
+        assert "ended, in the safe state: SIGTERM" in server.lines[-1]
+        assert [call.what for call in server.calls()] == ["open", "safe", "close"]  # nobody had to do it again
+
+
+def test_a_driver_that_hangs_after_the_safe_state_is_no_unsafe_end(tmp_path):
+    (tmp_path / "trigger").touch()
+    options = {"trigger": tmp_path / "trigger", "where": "close", "how": "hang"}
+    with Server(tmp_path, "Faulty", options=options) as server:
+        server.wait_ready()
+        server.send(signal.SIGTERM)
+        assert server.wait_end() == 0
+        assert "ended, in the safe state: SIGTERM" in server.lines[-1]
+
+
 def test_nobody_there_is_a_line_within_the_timeout(tmp_path):
     for command in ("stop", "acknowledge", "status"):
         line = refused(tmp_path, "rig", command, "--endpoint", "tcp://127.0.0.1:9", "--timeout", "0.2")
         assert "no answer within 0.2 s" in line
+        assert "without keys" in line
 
 
 def test_status_as_a_line_and_as_json(tmp_path):

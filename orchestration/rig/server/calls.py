@@ -5,11 +5,11 @@ from __future__ import annotations
 import faulthandler
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from math import isnan
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Backend
@@ -69,6 +69,19 @@ def bounded(seconds: float) -> Iterator[None]:
             faulthandler.cancel_dump_traceback_later()
 
 
+def leave(status: int) -> NoReturn:
+    """End this process, even if a thread that a driver has started goes on.
+
+    Parameters
+    ----------
+    status : int
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(Exception):  # a closed one, or none at all
+            stream.flush()
+    os._exit(status)
+
+
 def _short(text: str) -> str:
     line = " ".join(text.split())
     return line if len(line) <= _LONGEST else line[:_LONGEST] + "..."
@@ -119,8 +132,8 @@ class Signals:
         for name, limit in limits.items():
             if name not in inputs and name not in outputs:
                 raise BackendError(f"the backend has limits of {name!r}, which it neither commands nor measures")
-            if any(isnan(bound) for bound in (limit.min, limit.max, limit.rate)) or limit.min > limit.max:
-                raise BackendError(f"limits of {name} are no limits: {limit.min:g} to {limit.max:g}, {limit.rate:g}/s")
+            if not _are_limits(limit):
+                raise BackendError(f"limits of {name} are no limits: {limit.min} to {limit.max}, {limit.rate}/s")
         return cls(inputs, outputs, {name: Limit(li.min, li.max, li.rate) for name, li in limits.items()})
 
     def record(self) -> Description:
@@ -146,6 +159,13 @@ class Signals:
         """Read it from the board."""
         inputs, outputs, limits, notes = json.loads(record.text.rstrip(b"\0"))
         return cls(inputs, outputs, {name: Limit(*bounds) for name, bounds in limits.items()}, notes)
+
+
+def _are_limits(limit: Limit) -> bool:
+    try:
+        return limit.min <= limit.max and limit.rate >= 0  # false with a NaN
+    except TypeError:  # None, say, where infinity stands for no limit
+        return False
 
 
 def reading(backend: Backend, signals: Signals) -> dict[str, float]:

@@ -19,7 +19,7 @@ from typing import Any
 from orchestration.rig.backends.registry import open_backend
 from orchestration.rig.safety import MeasurementMonitor, expired
 from orchestration.rig.server.board import END, RUN, Beat, Board, Command, Sample, Trip, pack, unpack, write_text
-from orchestration.rig.server.calls import BackendError, Signals, bounded, call, reading
+from orchestration.rig.server.calls import BackendError, Signals, bounded, call, leave, reading
 from orchestration.rig.server.scheduling import Collector, Deadlines, prefer
 from orchestration.rig.server.settings import Settings
 
@@ -43,6 +43,23 @@ def main(settings: Settings, memory: Any) -> None:
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, device.end)
     device.run(prefer(settings.priority, settings.cpu))
+    leave(0)
+
+
+def look(watchdog: float) -> float:
+    """How long the device may sleep at once: the guard holds one that is silent for too long to hang.
+
+    Parameters
+    ----------
+    watchdog : float
+        In s.
+
+    Returns
+    -------
+    float
+        In s.
+    """
+    return min(_LOOK, watchdog / 4)
 
 
 class Device:
@@ -59,8 +76,10 @@ class Device:
         self._told_to_end = False
         self._opened = self._safe = False
         self._tripped: int | None = None  # acknowledgements so far when the rig went safe by itself
+        self._applied: tuple[float, ...] = ()
         self._number = 0
         self._looked = 0.0
+        self._look = look(settings.watchdog)
 
     def end(self, *_: object) -> None:
         """Let the loop end in the safe state."""
@@ -118,7 +137,7 @@ class Device:
             if command.order == END or now >= until or not (running or self._safe):
                 return command
             self._beat(SLEEP, now)
-            sleep(min(until - now, _LOOK))
+            sleep(min(until - now, self._look))
 
     def _command(self) -> Command:
         now = monotonic()
@@ -157,7 +176,7 @@ class Device:
         if not self._safe:
             self._call("safe()", self._backend.safe)
             self._safe = True
-            self._applied = (0.0,) * len(self._signals.inputs)
+            self._applied = (0.0,) * len(self._applied)
 
     def _trip(self, acknowledged: int, reason: str) -> None:
         self._tripped = acknowledged

@@ -94,6 +94,8 @@ class Front:
         collector = Collector()
         while not self._signals.ending:
             self._take_messages()
+            if self._signals.ending:  # the same signal may have ended the guard, which is no trouble then
+                break
             now = monotonic()
             if self._signals.stopping:
                 self._desk.stop(self._signals.stopping)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 from contextlib import suppress
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
@@ -31,7 +30,7 @@ from orchestration.rig.server.board import (  # fmt: skip
     read_text,
     write_text,
 )
-from orchestration.rig.server.calls import BackendError, bounded, call
+from orchestration.rig.server.calls import BackendError, bounded, call, leave
 from orchestration.rig.server.settings import Settings
 
 LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to hang
@@ -58,7 +57,7 @@ def main(settings: Settings, memory: Any, rescue: str) -> None:
     guard = Guard(settings, memory)
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, guard.end)
-    sys.exit(0 if guard.run(rescue) else 1)
+    leave(0 if guard.run(rescue) else 1)
 
 
 def fault_of(beat: Beat, command: Command, now: float, watchdog: float, period: float) -> str:
@@ -79,6 +78,8 @@ def fault_of(beat: Beat, command: Command, now: float, watchdog: float, period: 
     """
     where, age = read_text(beat.call), now - beat.time
     if age > _SHARE * watchdog:
+        if where == device.SLEEP:
+            return f"the device's process has not run for {age:.3g} s, outside of the driver: this computer is too busy"
         return f"the device hangs: {where} for {age:.3g} s"
     late = now - command.accepted - watchdog
     if command.order == RUN and not beat.safe and late > max(period / 2, _GRACE):

@@ -164,14 +164,15 @@ class RealTimeRig:
 
     def close(self) -> str:
         """End device and guard, the rig in its safe state."""
+        ordered = monotonic()
         self._order(self._command._replace(order=END))
         self._guard.join(self.watchdog + self._settings.period + 1.0 + guard.LONGEST_ATTEMPT + _SPARE)
         if self._guard.is_alive():
             self._guard.kill()
             self._guard.join(1.0)
-        if self._guard.exitcode == 0:
-            return ""
         rescue = self._board.rescue.read()
+        if self._guard.exitcode == 0 or (rescue is not None and rescue.reached and rescue.time > ordered):
+            return ""  # a guard that reached it may hang in the driver afterwards
         return "the guard does not end" if rescue is None else read_text(rescue.reason)
 
 

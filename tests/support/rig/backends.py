@@ -6,6 +6,7 @@ They stand for hardware that cannot exist here. A fault happens in every call fr
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Mapping
 from math import nan
@@ -132,3 +133,19 @@ class Faulty(Logged):
     def close(self) -> None:
         self._fail("close")
         super().close()
+
+
+class Limitless(Logged):
+    """Says None where infinity stands for no limit."""
+
+    def __init__(self, log: str) -> None:
+        super().__init__(log)
+        self.limits = {"current": Limit(-1.3, 1.3, None)}  # type: ignore[arg-type]
+
+
+class Threaded(Logged):
+    """Has a thread that never ends, as the reader of a serial port."""
+
+    def __init__(self, log: str) -> None:
+        super().__init__(log)
+        threading.Thread(target=time.sleep, args=(3600.0,)).start()

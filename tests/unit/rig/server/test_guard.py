@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from orchestration.rig.server.board import REST, RUN, Beat, Command
+from orchestration.rig.server.device import look
 from orchestration.rig.server.guard import fault_of
+from orchestration.rig.server.settings import WATCHDOGS
 
 pytestmark = pytest.mark.real_time
 
@@ -20,6 +22,7 @@ NOW, WATCHDOG, PERIOD = 100.0, 0.2, 1 / 30
         (0.16, b"read()", RUN, 0.0, False, "the device hangs: read() for 0.16 s"),
         (0.16, b"safe()", REST, 0.0, False, "the device hangs: safe()"),
         (0.16, b"read()", REST, 0.0, True, "the device hangs: read()"),
+        (0.16, b"sleep", RUN, 0.0, False, "has not run for 0.16 s, outside of the driver: this computer is too busy"),
         (0.01, b"read()", RUN, 0.21, False, ""),  # the device has half a period to go safe by itself
         (0.01, b"read()", RUN, 0.22, False, "no fresh command for 0.2 s, and the device did not go safe"),
         (0.01, b"sleep", RUN, 0.22, True, ""),  # it did
@@ -31,3 +34,9 @@ def test_judgement(age, where, order, command_age, safe, part):
     reason = fault_of(beat, Command(order, 0, NOW - command_age), NOW, WATCHDOG, PERIOD)
     assert part in reason
     assert bool(reason) == bool(part)
+
+
+@pytest.mark.parametrize("watchdog", [*WATCHDOGS, 0.02, 0.2])
+def test_a_device_that_sleeps_is_not_held_for_hung_even_if_it_wakes_late(watchdog):
+    beat = Beat(NOW - 2 * look(watchdog), 1, True, True, b"sleep")
+    assert fault_of(beat, Command(REST, 0, NOW), NOW, watchdog, PERIOD) == ""
