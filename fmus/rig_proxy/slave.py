@@ -196,7 +196,7 @@ class ProxySlave:
         self._set("round_trip_time", trip)
         if sample.get("state") == SAFE:
             raise UserError(f"the rig is in its safe state: {sample['reason']}")
-        if sample.get("refused"):
+        if sample.get("refused") and self._value("link_state") != REFUSED:  # told once, when it begins
             self._warning = f"refused by the rig: {sample['refused'][0]}"
 
     def _look(self, state: int) -> None:
@@ -236,7 +236,8 @@ class ProxySlave:
         try:
             self._connect(time, self._value("deadline"))
         except LinkError as error:
-            self._warning = str(error)
+            if self._value("link_state") != LOST:
+                self._warning = str(error)
         else:
             self._begin = None  # nobody shall race to make up for the time without a link
 

@@ -3,6 +3,7 @@
 #include "instance.h"
 
 #include <math.h>
+#include <stdio.h>
 
 static bool step_valid(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
@@ -43,8 +44,11 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2
         report(instance, fmi2Error, "step from %.10g s to %.10g s failed: %s", time, time + step, message);
         return fail(instance);
     }
-    if (*message != '\0')
-        report(instance, fmi2Warning, "step from %.10g s to %.10g s: %s", time, time + step, message);
+    if (*message != '\0') { /* told whether or not logging is on: what is to be done was not done */
+        Message text;
+        snprintf(text, sizeof text, "step from %.10g s to %.10g s: %.900s", time, time + step, message);
+        deliver(&instance->host, instance->name, fmi2Warning, text);
+    }
     instance->now.time = time + step;
     follow_slopes(instance->now.memory, step);
     touch(instance, false);

@@ -44,7 +44,9 @@ bool publish(Engine *engine, Message message) {
     engine->lost = !link->in_session || now - link->answered > communication_timeout(engine);
     if (!check_values(engine, now, message))
         return false;
-    if (link->refusal[0] != '\0')
+    if (engine->lost && memory[engine->link_state] == LOST)
+        message[0] = '\0'; /* told when it began */
+    if (link->refusal[0] != '\0' && memory[engine->link_state] != COMMANDS_REFUSED)
         snprintf(message, MESSAGE_SIZE, "refused by the rig: %s", link->refusal);
     link->refusal[0] = '\0';
     for (int i = 0; i < MEASURED; i++) {

@@ -131,7 +131,7 @@ def test_the_safe_state_is_an_error_with_its_reason(one):
 
 def test_a_refused_command_is_a_warning_and_a_state(fmu, runtime):
     limits = {"current": {"min": -1.3, "max": 1.3, "rate": None}}
-    with actuator_rig(limits=limits) as rig, instance(fmu("rig_proxy", runtime), logging=1) as one:
+    with actuator_rig(limits=limits) as rig, instance(fmu("rig_proxy", runtime)) as one:
         connected(one, rig, FAST | {"current": 0.5})
         one.step(STEP), one.step(STEP)
         one.set({"current": 5.0})
