@@ -240,8 +240,8 @@ def grow_by_sessions(archive: str, sessions: int, steps: int) -> tuple[int, int]
                 connected(one, rig, {"current": 1.0})
                 for _ in range(each):
                     one.step(0.01)
+                    rig.heard.clear()
                 one.do("fmi2Reset")
-                rig.heard.clear()
             return resident() - before
 
         run(sessions, 3), run(3, steps // 3)

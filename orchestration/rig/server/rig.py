@@ -115,4 +115,5 @@ class Rig(Protocol):
 
 def cannot_open(settings: Settings, reason: str) -> UserError:
     """Say that a backend cannot be served."""
-    return UserError(reason if reason.startswith("backend ") else f"backend {settings.backend}: {reason}")
+    named = f"backend {settings.backend}: "
+    return UserError(named + reason.removeprefix(named))

@@ -319,7 +319,7 @@ def test_effects_are_found_by_the_name_of_their_component(monkeypatch):
             assert stack(fmus.component(name), effect).name == f"{name}_with_{key}"
     with pytest.raises(UserError, match="no component named 'x'"):
         fmus.effects("x")
-    monkeypatch.setitem(fmus.COMPONENTS, "plain", "kit.component:Component")
+    monkeypatch.setitem(fmus.MODELS, "plain", "kit.component:Component")
     assert fmus.effects("plain") == {}
 
 
