@@ -15,7 +15,7 @@ from ..kit.errors import UserError
 from . import protocol
 from .credentials import read_client_keys
 
-_FAREWELL = 0.2  # s, that a disconnect waits for its answer
+FAREWELL = 0.2  # s, that a disconnect waits for its answer
 _QUEUE = 16  # messages on their way, in either direction
 _MOST = 1000  # messages that are looked at in one call
 
@@ -152,12 +152,18 @@ class Link:
             newest = message
         return newest
 
-    def disconnect(self) -> None:
-        """End the session in order: the rig goes to zero. Waits a moment at most."""
+    def disconnect(self, longest: float = FAREWELL) -> None:
+        """End the session in order: the rig goes to zero.
+
+        Parameters
+        ----------
+        longest : float
+            Wait for the answer, in s.
+        """
         if self.session and self._socket is not None:
             self._send("disconnect", session=self.session)
             self.accepted = {}
-            for message in self._answers(monotonic() + _FAREWELL):
+            for message in self._answers(monotonic() + longest):
                 if message["type"] in ("disconnected", "refused"):
                     break
         self.accepted = {}

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from ..kit import Component, Parameter, Text
-from ..kit.declare import Declaration, OutputDeclaration
+from ..kit.declare import Declaration, OutputDeclaration, named
 from ..kit.engine import Engine
 from ..kit.errors import UserError
 from .protocol import ENDPOINT
 
 CONNECTED, REFUSED, STALE, LOST = range(4)
+LINK_STATES = ("connected", "commands refused", "stale", "lost")
 HOLD, FAIL = "hold", "fail"
 AGE = "{}_age"  # name of the output with the age of a value
 
@@ -81,10 +82,8 @@ class Proxy(Component):
 
 
 def _age_of(value: Declaration) -> Any:
-    return _named(
-        OutputDeclaration(unit="s", doc=f"age of {value.name}", law=_unlawful, min=0.0, nominal=0.1),
-        AGE.format(value.name),
-    )
+    age = OutputDeclaration(unit="s", doc=f"age of {value.name}", law=_unlawful, min=0.0, nominal=0.1)
+    return named(age, AGE.format(value.name))
 
 
 def _link() -> dict[str, Any]:
@@ -97,13 +96,8 @@ def _link() -> dict[str, Any]:
             unit="1", doc="steps whose values did not come in time", law=_unlawful, min=0.0, type="integer"
         ),
         "link_state": OutputDeclaration(
-            unit="1", doc="0 connected, 1 commands refused, 2 stale, 3 lost", law=_unlawful, min=0.0, max=3.0,
-            type="integer",
+            unit="1", doc=", ".join(f"{n} {state}" for n, state in enumerate(LINK_STATES)), law=_unlawful, min=0.0,
+            max=float(LOST), type="integer",
         ),
     }  # fmt: skip
-    return {name: _named(output, name) for name, output in outputs.items()}
-
-
-def _named(declaration: Any, name: str) -> Any:
-    declaration.name = name
-    return declaration
+    return {name: named(output, name) for name, output in outputs.items()}

@@ -16,7 +16,7 @@ from typing import Any
 from ..kit.component import Component
 from ..kit.errors import UserError
 from ..kit.slave import sentence
-from .link import Link, LinkError
+from .link import FAREWELL, Link, LinkError
 from .protocol import LOCKSTEP, SAFE
 from .proxy import AGE, CONNECTED, FAIL, HOLD, LOST, REFUSED, STALE
 
@@ -98,19 +98,20 @@ class ProxySlave:
         str or None
             Message of an error.
         """
+        timeout = self._value("communication_timeout")
+        last = monotonic() + timeout
         try:
             self._warning = None
             if self._link is None:
                 raise UserError("there is no link to the rig")
-            timeout = self._value("communication_timeout")
             if step > timeout:
                 raise UserError(f"a step of {step:g} s is longer than communication_timeout, {timeout:g} s")
             if not self._link.session:
                 self._again(time)
-            self._look(self._make(time, step))
+            self._look(self._make(time, step, last))
         except BaseException as error:
             text = sentence(error)
-            self.terminate()  # a rig that nobody steers any more is to be at zero
+            self._end(last - monotonic())  # a rig that nobody steers any more is to be at zero
             return text
         return None
 
@@ -120,11 +121,7 @@ class ProxySlave:
 
     def terminate(self) -> None:
         """End the session in order."""
-        if self._link is not None:
-            try:
-                self._link.disconnect()
-            finally:
-                self._drop()
+        self._end(FAREWELL)
 
     def close(self) -> None:
         """Let go of the link and of the memory before the front-end frees it."""
@@ -135,22 +132,21 @@ class ProxySlave:
 
     # --- one step ---------------------------------------------------------------------------------------------------
 
-    def _make(self, time: float, step: float) -> int:
-        """Make one step; return the state of the link."""
+    def _make(self, time: float, step: float, last: float) -> int:
+        """Make one step, which ends before a time of our clock; return the state of the link."""
         assert self._link is not None
         lockstep = self._rig["mode"] == LOCKSTEP
         timeout, deadline = self._value("communication_timeout"), self._value("deadline")
         if self._begin is None:  # what a master does between initialization and its first step takes no time of the rig
             self._begin = monotonic() - (time - self._start)
         due = -inf if lockstep else self._begin + (time + step - self._start)
-        limit = monotonic() + timeout
         if late := self._link.late():
             self._take(late)
         wait = self._rig["watchdog"] * _AWAKE
         while True:
             sent = monotonic()
             ends = sent >= due - _ROUNDING
-            until = sent + timeout if lockstep else min(sent + deadline, limit if ends else due)
+            until = last if lockstep else min(sent + deadline, last if ends else due)
             answer = self._exchange(time, step, until - sent)
             if answer is not None:
                 self._take(answer)
@@ -240,6 +236,14 @@ class ProxySlave:
                 self._warning = str(error)
         else:
             self._begin = None  # nobody shall race to make up for the time without a link
+
+    def _end(self, longest: float) -> None:
+        """End the session in order, and wait no longer than that (s) for the rig to say so."""
+        if self._link is not None:
+            try:
+                self._link.disconnect(max(0.0, min(longest, FAREWELL)))
+            finally:
+                self._drop()
 
     def _drop(self) -> None:
         if self._link is not None:

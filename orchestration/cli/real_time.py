@@ -11,6 +11,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.kit.errors import UserError
+from fmus.rig_proxy.proxy import LINK_STATES
 
 if TYPE_CHECKING:
     import xarray
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 JOURNAL = ".part.csv"  # behind the name of the result
 _ON_TERMINAL, _ELSEWHERE = 0.2, 5.0  # s between two lines
-_LINK_STATES = ("connected", "commands refused", "stale", "lost")  # of fmus.rig_proxy
 
 
 class Options(NamedTuple):
@@ -75,8 +75,8 @@ def status(moment: Moment) -> str:
         f"missed {moment.missed}",
     ]  # fmt: skip
     if (state := _worst(moment, "link_state")) is not None:
-        known = state in range(len(_LINK_STATES))
-        parts.append(f"link {_LINK_STATES[int(state)] if known else f'{state:g}'}")
+        known = state in range(len(LINK_STATES))
+        parts.append(f"link {LINK_STATES[int(state)] if known else f'{state:g}'}")
     if (age := _worst(moment, "_age")) is not None:
         parts.append(f"age {1e3 * age:.0f} ms")
     if (trip := _worst(moment, "round_trip_time")) is not None:

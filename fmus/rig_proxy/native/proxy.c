@@ -76,12 +76,15 @@ Engine *engine_create(double *memory, const TextValue *texts, const char *resour
     return engine;
 }
 
-void engine_terminate(Engine *engine) {
-    link_close(&engine->link, FAREWELL);
+/* Ends the session in order, and waits no longer than that for the rig to say so. */
+static void end_within(Engine *engine, double seconds) {
+    link_close(&engine->link, fmax(0.0, fmin(seconds, FAREWELL)));
     if (engine->running)
         clock_coarse();
     engine->running = false;
 }
+
+void engine_terminate(Engine *engine) { end_within(engine, FAREWELL); }
 
 void engine_free(Engine *engine) {
     engine_terminate(engine);
@@ -135,6 +138,7 @@ bool engine_initialize(Engine *engine, Message message) {
 }
 
 bool engine_advance(Engine *engine, double time, double step, Message message) {
+    double last = clock_now() + communication_timeout(engine);
     message[0] = '\0';
     if (!engine->running) {
         snprintf(message, MESSAGE_SIZE, "there is no link to the rig");
@@ -148,7 +152,7 @@ bool engine_advance(Engine *engine, double time, double step, Message message) {
         }
     if (make_step(engine, time, step, message))
         return true;
-    engine_terminate(engine); /* a rig that nobody steers any more is to be at zero */
+    end_within(engine, last - clock_now()); /* a rig that nobody steers any more is to be at zero */
     return false;
 }
 

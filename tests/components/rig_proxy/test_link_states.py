@@ -92,6 +92,18 @@ def test_silence_is_held_with_growing_age_then_stale_then_lost(one):
         assert one.get("voltage") == voltage
 
 
+def test_the_clock_runs_from_the_first_step_on(one):
+    """However long a master takes between initialization and the first step, that step waits for its end."""
+    with actuator_rig(period=0.002) as rig:
+        connected(one, rig)
+        time.sleep(0.3)
+        one.set({"current": 1.0})
+        begin = time.monotonic()
+        one.step(0.1)
+        assert time.monotonic() - begin > 0.09
+        assert one.get("voltage") == [pytest.approx(0.6)]
+
+
 def test_silence_fails_within_the_timeout(one):
     with actuator_rig() as rig:
         connected(one, rig, FAST, on_stale="fail")
@@ -99,7 +111,7 @@ def test_silence_fails_within_the_timeout(one):
         rig.answers = False
         begin = time.monotonic()
         took, said = fails(one)
-        assert took < FAST["communication_timeout"] + 0.3
+        assert took < FAST["communication_timeout"] + 0.05, "the farewell after an error is within the timeout too"
         assert time.monotonic() - begin < FAST["max_age"] + 1.0
         assert "voltage" in said or "no answer" in said
         assert "s old; max_age is 0.15 s" in said or "no answer" in said

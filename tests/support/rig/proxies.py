@@ -6,7 +6,6 @@ import ctypes
 from collections.abc import Mapping
 from typing import Any
 
-from fmus import component
 from tests.contract.raw import OK, Instance, references
 from tests.support.rig.small_rig import INPUTS, SmallRig
 
@@ -49,8 +48,3 @@ def connected(one: Instance, rig: SmallRig, values: Mapping[str, float] | None =
     for name, text in ({"endpoint": rig.endpoint} | texts).items():
         assert set_text(one, name, text) == OK, one.messages
     return one.initialize(values)
-
-
-def numbers(name: str) -> list[str]:
-    """Names of the outputs of a proxy."""
-    return [output.name for output in component(name).layout.outputs]
