@@ -74,9 +74,10 @@ class Fmu:
         self.corrupted = False
 
     @property
-    def messages(self) -> list[str]:
-        """What the FMU logged, warnings and worse, newest last."""
-        return self._log.messages
+    def complaints(self) -> str:
+        """What the FMU had to say although no call failed, in one line; empty if nothing."""
+        last = self._log.last("no message" if self.warnings else "")
+        return f"{self.warnings} calls ended with a warning ({last})" if self.warnings else last
 
     @property
     def inputs(self) -> list[str]:

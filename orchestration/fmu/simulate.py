@@ -71,6 +71,7 @@ def simulate(
     inputs: Mapping[str, Array],
     parameters: Mapping[str, Value],
     progress: Callable[[int], None] = lambda done: None,
+    note: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Array]:
     """Run the model's FMU.
 
@@ -85,6 +86,8 @@ def simulate(
         Values that replace defaults, in the FMU's units; constant values of inputs too.
     progress : callable
         Called with the number of points done.
+    note : callable
+        Called with what the FMU had to say although it did not fail.
 
     Returns
     -------
@@ -98,7 +101,10 @@ def simulate(
     """
     with Fmu(model.path, parameters) as fmu:
         fmu.start(float(time[0]))
-        return simulate_instance(fmu, time, inputs, list(model.outputs), progress)
+        outputs = simulate_instance(fmu, time, inputs, list(model.outputs), progress)
+        if fmu.complaints:
+            note(fmu.complaints)
+        return outputs
 
 
 def simulate_instance(

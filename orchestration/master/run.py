@@ -268,11 +268,8 @@ class _Runner:
                 "inputs it depends, and cannot restore its state"
             )
         for member in self._executor.members:
-            messages = "; ".join(member.fmu.messages[-3:])
-            if member.fmu.warnings:
-                yield f"{member.name}: {member.fmu.warnings} calls ended with a warning ({messages or 'no message'})"
-            elif messages:
-                yield f"{member.name}: {messages}"
+            if member.fmu.complaints:
+                yield f"{member.name}: {member.fmu.complaints}"
 
 
 def _release(saved_states: Sequence[SavedState]) -> None:

@@ -26,6 +26,7 @@ OF_THE_SYSTEM = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [name for targets in ZIG_TARGETS.values() for name in targets])
 @pytest.mark.parametrize("standard", ["c99", "c11"])
 def test_every_compiler_is_content(tmp_path, target, standard):

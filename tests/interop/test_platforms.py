@@ -19,9 +19,13 @@ from orchestration.fmu.check import check_fmu
 from orchestration.fmu.check.shared_library import read_library
 from tests.support import hosts
 
-pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("ziglang") is None, reason="ziglang, which compiles for all platforms, is not installed"
-)
+pytestmark = [
+    pytest.mark.slow,  # on a new machine the compiler builds the libraries of every platform first
+    pytest.mark.skipif(
+        importlib.util.find_spec("ziglang") is None,
+        reason="ziglang, which compiles for all platforms, is not installed",
+    ),
+]
 NAME = "ppy_actuator"
 FUNCTIONS = set(
     re.findall(r"^#define (fmi2\w+)\s+fmi2FullName\(", (hosts.HEADERS / "fmi2Functions.h").read_text(), re.M)

@@ -92,13 +92,17 @@ class Tab:
         mobile = width < 600
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
         self.call("Emulation.setTouchEmulationEnabled", enabled=mobile)
-        before = self._loaded
+        self._go("about:blank")  # what the page before still asks for is no complaint about this one
         self.requests.clear()
         self.complaints.clear()
-        self.call("Page.navigate", url=page if isinstance(page, str) else page.absolute().as_uri())
+        self._go(page if isinstance(page, str) else page.absolute().as_uri())
+        self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def _go(self, address: str) -> None:
+        before = self._loaded
+        self.call("Page.navigate", url=address)
         while self._loaded == before:
             self._note(self._next())
-        self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def run(self, script: str) -> Any:
         """Value of an expression in the page; a promise is waited for."""

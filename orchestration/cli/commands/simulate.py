@@ -47,7 +47,7 @@ def simulate(
     from orchestration.cli.models import model_file, open_model
     from orchestration.fmu import simulate as work
     from orchestration.reporting import pictures
-    from orchestration.reporting.console import progress, wrote
+    from orchestration.reporting.console import note, progress, wrote
 
     if mapping and input_file is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
@@ -61,7 +61,7 @@ def simulate(
     time, inputs = _stimulus(opened, input_file, mapping or [], parameters, stop, step)
     with progress() as tell:
         tell(f"simulating {opened.title}")
-        outputs = work.simulate(opened, time, inputs, parameters, lambda done: tell.done(done, time.size))
+        outputs = work.simulate(opened, time, inputs, parameters, lambda done: tell.done(done, time.size), note)
     _show(opened, time, outputs)
     if out is not None:
         _write(out, opened, time, inputs, outputs)

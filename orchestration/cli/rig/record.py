@@ -43,6 +43,8 @@ def record(
     ] = None,
 ) -> None:  # fmt: skip
     """Drive the rig with an experiment, without any model, and record what it does."""
+    import numpy as np
+
     from orchestration.experiment import results
     from orchestration.experiment.live import Live
     from orchestration.experiment.reading import files, read
@@ -68,6 +70,8 @@ def record(
     held = f"{data.time.size} rows, {float(data.time[-1]):g} s of {planned.time[-1]:g} s"
     terminal.print(f"{data.attrs['subject']}: {held}")
     wrote(out, "" if data.attrs["complete"] else "incomplete")
+    if not any(np.isfinite(data[name]).any() for name in planned.outputs):
+        raise UserError(f"{out} holds no measured value: none was younger than {planned.max_age:g} s (--max-age)")
     if "failure" in data.attrs:
         raise UserError(f"{data.attrs['failure']}; {out} holds {held}")
     if not data.attrs["complete"]:

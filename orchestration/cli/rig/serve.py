@@ -39,9 +39,12 @@ def serve(
     ] = None,
     log: Annotated[Path | None, option("--log", metavar="FILE", help="Add every line to this file, too.")] = None,
     priority: Annotated[
-        int | None, option("--priority", metavar="N", help="Real-time priority of the device's process, 1 to 99.")
+        int | None,
+        option("--device-priority", metavar="N", help="Real-time priority of the device's process, 1 to 99."),
     ] = None,
-    cpu: Annotated[int | None, option("--cpu", metavar="N", help="Core that the device's process stays on.")] = None,
+    cpu: Annotated[
+        int | None, option("--device-cpu", metavar="N", help="Core that the device's process stays on.")
+    ] = None,
 ) -> None:
     """Serve a rig: commands within limits, measured values with their age, and a safe state when anything fails.
 

@@ -129,6 +129,8 @@ class Signals:
                 raise BackendError(f"{what} of the backend must be names and units, both texts")
             if len(units) > SIGNALS:
                 raise BackendError(f"the backend has {len(units)} {what}; {SIGNALS} can be served")
+        if both := sorted(inputs.keys() & outputs.keys()):
+            raise BackendError(f"the backend both commands and measures {', '.join(both)}; a signal is one of them")
         for name, limit in limits.items():
             if name not in inputs and name not in outputs:
                 raise BackendError(f"the backend has limits of {name!r}, which it neither commands nor measures")

@@ -68,9 +68,9 @@ class Settings:
         if not 0 <= self.port <= 65534:
             raise UserError(f"--port {self.port}: allowed are 1 to 65534, and 0 for any that is free")
         if self.priority is not None and not 1 <= self.priority <= 99:
-            raise UserError(f"--priority {self.priority}: allowed are 1 to 99")
+            raise UserError(f"--device-priority {self.priority}: allowed are 1 to 99")
         if self.cpu is not None and self.cpu < 0:
-            raise UserError(f"--cpu {self.cpu}: cores count from 0")
+            raise UserError(f"--device-cpu {self.cpu}: cores count from 0")
         if self.keys is None and not is_loopback(self.host):
             raise UserError(
                 f"--bind {self.host}: beyond this machine the rig is served with keys only; "

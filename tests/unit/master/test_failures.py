@@ -13,6 +13,7 @@ from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
 from orchestration.master import Stopped, run
 from orchestration.master.step_control import StepDoubling
+from tests.support.command import ppy
 from tests.support.master.samples import build_member, ring
 
 H = 0.1
@@ -72,6 +73,13 @@ def test_warnings_are_counted_and_told(member):
     result = run(chain(member, status=WARNING, when=3.0), TIME, ones())
     assert result.complete
     assert result.notes[0].startswith("bad: 20 calls ended with a warning (I have had enough")
+
+
+def test_warnings_of_one_fmu_alone_are_told_too(member, tmp_path):
+    done = ppy("simulate", member, "--set", f"status={WARNING}", "--set", "when=3", "--stop", "5s", "--step", "0.1s",
+               cwd=tmp_path)  # fmt: skip
+    assert done.returncode == 0
+    assert "20 calls ended with a warning (I have had enough" in " ".join(done.stderr.split())
 
 
 def test_a_step_that_is_pending_is_waited_for(tmp_path, member):

@@ -191,6 +191,14 @@ def test_max_age(tmp_path, experiment):
         assert told.max() < (0.2 if not last else 5.0)
 
 
+def test_a_record_of_gaps_alone_is_no_success(tmp_path, experiment):
+    with SmallRig() as rig:
+        done = record(rig, tmp_path, experiment(0.3), "--max-age", "1e-9s")
+    assert done.returncode == 2
+    assert "run.nc holds no measured value: none was younger than 1e-09 s (--max-age)" in done.stderr
+    assert (tmp_path / "run.nc").exists()
+
+
 def test_rate_and_set(tmp_path, experiment):
     with SmallRig(period=0.01) as rig:
         data = recorded(rig, tmp_path, experiment(), "--rate", 40, "--set", "duration=0.5", "--set", "inputs.force=2 N")

@@ -44,13 +44,13 @@ def test_a_core_is_taken_or_it_is_noted_why_not():
         "import os; from orchestration.rig.server.scheduling import prefer; "
         "core = min(os.sched_getaffinity(0)); "
         "assert prefer(None, core) == [] and os.sched_getaffinity(0) == {core}; "
-        "notes = prefer(None, 100000); assert len(notes) == 1 and notes[0].startswith('--cpu 100000: '), notes; "
+        "notes = prefer(None, 100000); assert len(notes) == 1 and notes[0].startswith('--device-cpu 100000: '), notes; "
         "os.setuid(65534) if os.getuid() == 0 else None; "
         "notes = prefer(50, None); print(*notes)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() in ("", "--priority 50: Operation not permitted; it goes on without")
+    assert done.stdout.strip() in ("", "--device-priority 50: Operation not permitted; it goes on without")
 
 
 def test_the_collector_leaves_what_was_there_and_collects_what_is_new():
