@@ -300,7 +300,7 @@ def test_mistakes_are_told():
 
 
 def test_a_lag_that_no_sample_shows_where_the_search_starts_is_not_determined():
-    """A lag of 4 s seen every 10 s: 200,000 time constants after a change 50 us leave no trace; from 2 s it is found."""
+    """A lag of 4 s seen every 10 s: one of 50 us has left no trace by the next sample; from 2 s it is found."""
     time = np.arange(0.0, 200.0, 10.0)
     command = np.where(time < 100.0, 1.0, -1.0)
     galvanostat = component("galvanostat")
