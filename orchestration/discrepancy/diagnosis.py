@@ -21,6 +21,7 @@ from orchestration.discrepancy.selection import intersample
 from orchestration.discrepancy.selection.intersample import Intersample
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
+from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
 from orchestration.identify.estimate import Estimate
@@ -155,16 +156,22 @@ def diagnose(
         parts = parts.with_linear(intersample.linear(chosen))
     estimation, validation = parts.estimation, parts.validation
     selection = Selection(base) if inconclusive else select(search, effects, base)
+    noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
+    selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     selection, predictions, dropped = validated(selection, validation)
     final = replace(search, data=parts.usable).refit(selection.best) if validation.continued else selection.best
-    values = estimates(final)
-    changed = [] if inconclusive else significantly_changed(final, search.parameters)
+    values = estimates(final, noise.spread_of(final.problem.names))
+    changed = (
+        [] if inconclusive else significantly_changed(final, search.parameters, noise.spread_of(final.problem.names))
+    )
     odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
     residuals = analyse_residuals(selection.best, estimation)
     before, after = predictions[0].errors, predictions[-1].errors
     notes = [
         *_excitation_notes(parts.notes, estimation, excited, starts),
         *intersample.remarks(chosen),
+        *errors_in_variables.remarks(noise, base, {n: float(np.ptp(u)) for n, u in estimation.inputs.items()}),
+        *by_noise,
         *dropped,
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
