@@ -143,8 +143,14 @@ def diagnose(
     starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
     selection = Selection(search.nominal()) if inconclusive else select(search, effects)
+    selection = replace(
+        selection,
+        base=search.trusted(selection.base),
+        steps=[replace(step, chosen=search.trusted(step.chosen)) for step in selection.steps],
+    )
     selection, predictions, dropped = validated(selection, validation)
-    final = replace(search, data=parts.usable).refit(selection.best) if validation.continued else selection.best
+    whole = replace(search, data=parts.usable)
+    final = whole.trusted(whole.refit(selection.best)) if validation.continued else selection.best
     values = estimates(final)
     changed = [] if inconclusive else significantly_changed(final, search.parameters)
     odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
