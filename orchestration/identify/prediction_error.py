@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
-from orchestration.identify.levenberg_marquardt import Minimum, minimise
+from orchestration.identify.levenberg_marquardt import Minimum, minimise, residual_or_none
 from orchestration.identify.noise import Noise, estimate, white
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
@@ -25,6 +25,7 @@ Residual = Callable[[Array], Array]
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 PRIOR_STD = 1.0
+_BISECTIONS = 6
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
 
 
@@ -130,6 +131,7 @@ def fit(
     physical: NDArray[np.bool_] | None = None,
     prior_std: float = PRIOR_STD,
     method: Method = Method(),
+    farthest: float = np.inf,
 ) -> FitResult:
     """Fit the searched parameters of a problem, and the noise of its outputs in turn.
 
@@ -145,6 +147,8 @@ def fit(
     prior_std : float
         Its standard deviation, see `PRIOR_STD`.
     method : Method
+    farthest : float
+        Pooled error of the free run that must not be passed, whatever noise makes the record likely there.
 
     Returns
     -------
@@ -162,7 +166,8 @@ def fit(
         """Fit with a noise model and estimate it from the residual, in turn."""
         best: FitResult | None = None
         for _ in range(method.passes):
-            fitted = _assessed(problem, _minimised(problem, q, noise, prior, method), prior)
+            end = _minimised(problem, q, noise, prior, method)
+            fitted = _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
             if best is not None and best.bic - fitted.bic < method.settled:
                 return min(best, fitted, key=lambda f: f.bic)
             best, q, noise = fitted, fitted.q, fitted.noise
@@ -239,6 +244,25 @@ def _prior(problem: Problem, physical: NDArray[np.bool_] | None, prior_std: floa
     mean = problem.position(problem.start)
     held = np.isfinite(mean) & (False if physical is None else physical)
     return _Prior(mean, np.where(held, prior_std**-2, 0.0))
+
+
+def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> Array:
+    """Return the last point on the way of a search at which its simulation is not too far from the record."""
+    if farthest == np.inf:
+        return end
+    scales = error_scales(problem)
+
+    def allowed(q: Array) -> bool:
+        residual = residual_or_none(lambda q: np.concatenate(list(problem.evaluate(q)[0].values())), q)
+        return residual is not None and pooled_error(problem.evaluate(q)[0], scales) <= farthest
+
+    if allowed(end) or not allowed(begin):
+        return end
+    near, far = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (near + far) / 2.0
+        near, far = (middle, far) if allowed(begin + middle * (end - begin)) else (near, middle)
+    return np.asarray(begin + near * (end - begin))
 
 
 def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method) -> Minimum:

@@ -80,7 +80,8 @@ class Problem:
     measured, present : dict of str to ndarray
         Outputs of which anything was measured, and where.
     calm : dict of str to ndarray of bool, shape (m,)
-        Measured samples of every output that no step of an input has come close before.
+        Measured samples of every output that tell of its noise: it did not stand still, and no step of an input came
+        close before.
     even : bool
         Whether samples are equally spaced.
     order : int
@@ -111,7 +112,7 @@ class Problem:
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
         moved = input_steps(inputs, len(time))
-        self.calm = {o: _calm(moved, present) for o, present in self.present.items()}
+        self.calm = {o: _calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
@@ -204,11 +205,12 @@ def input_steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
     return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
 
 
-def _calm(moved: NDArray[np.bool_], present: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which of the measured samples no step of an input has come close before; all if those are too few."""
+def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
+    """Return samples (n,) of which the noise, and little else, makes what a model leaves."""
+    alive = np.diff(measured, prepend=np.nan) != 0.0
     near = np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0
-    calm = ~near[present]
-    return np.asarray(calm if calm.sum() > max(_FEWEST_CALM, 0.1 * calm.size) else np.ones_like(calm))
+    far = alive & ~near
+    return np.asarray(far if far.sum() > max(_FEWEST_CALM, 0.1 * alive.sum()) else alive)
 
 
 def _scale(declaration: Any, value: float) -> Scale:

@@ -21,6 +21,9 @@ from orchestration.identify.simulation_error import error_scales, pooled_error, 
 
 Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more
+# Times the least error of the nominal model's free run, which no noise model may take a fit beyond. Fits to slow noise
+# of few independent samples are that far above the least, which follows the noise itself.
+STRAYED = 1.25
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -39,6 +42,8 @@ class Search:
         Told what is being done.
     not_assessed : dict of str to Note
         Effects of which the record says nothing, or that could not be simulated over it.
+    farthest : float
+        Pooled error of the free run that no candidate may pass; known once the nominal model was fitted.
     """
 
     data: Dataset
@@ -47,12 +52,14 @@ class Search:
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
     not_assessed: dict[str, Note] = field(default_factory=dict)
+    farthest: float = np.inf
 
     def nominal(self) -> FittedCandidate:
         """Fit the model without effects, from several starts."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
         free_run = fit_free_run(problem, starting_points(problem), self._physical(problem))
+        self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         return FittedCandidate(candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run)
 
     def near_nominal(self, prior_std: float) -> FittedCandidate:
@@ -122,7 +129,7 @@ class Search:
     def _fit(
         self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
     ) -> FitResult:
-        fitted = fit(problem, q, noise, self._physical(problem), prior_std)
+        fitted = fit(problem, q, noise, self._physical(problem), prior_std, farthest=self.farthest)
         problem.forget()  # of many candidates few are looked at again
         return fitted
 
