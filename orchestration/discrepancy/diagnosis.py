@@ -21,6 +21,7 @@ from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
+from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
 from orchestration.identify.estimate import Estimate
 
 DEGRADED = 1.1  # times the error before, above which it has grown
@@ -56,6 +57,9 @@ class Diagnosis:
         By output, of the best model over the estimation data.
     before, after : dict of str to float
         Normalised RMS error on the validation data, of the refitted base and of the best model, by output.
+    fitted_errors, judged_errors : dict of str to dict of str to float
+        Normalised RMS errors of free runs over the estimation and the validation data, by model and output; see
+        `errors_side_by_side`.
     estimation : Dataset
         What was fitted to.
     validation : ValidationData
@@ -73,6 +77,8 @@ class Diagnosis:
     residuals: dict[str, ResidualAnalysis]
     before: dict[str, float]
     after: dict[str, float]
+    fitted_errors: Errors
+    judged_errors: Errors
     estimation: Dataset
     validation: ValidationData
     final: FittedCandidate
@@ -156,6 +162,7 @@ def diagnose(
     odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
     residuals = analyse_residuals(selection.best, estimation)
     before, after = predictions[0].errors, predictions[-1].errors
+    errors = errors_side_by_side(selection.base, selection.best, validation)
     notes = [
         *_excitation_notes(parts.notes, estimation, excited, starts),
         *dropped,
@@ -169,7 +176,7 @@ def diagnose(
     else:
         verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed)
     return Diagnosis(
-        verdict, selection, values, changed, residuals, before, after, estimation, validation, final, notes
+        verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes
     )
 
 

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
 from orchestration.identify.levenberg_marquardt import Minimum, minimise, residual_or_none
-from orchestration.identify.noise import Noise, estimate, white
+from orchestration.identify.noise import Noise, Whitening, estimate, white
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
-from orchestration.identify.whitening import Whitening
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array], Array]

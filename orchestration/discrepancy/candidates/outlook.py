@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.covariance import covariance
-from orchestration.identify.noise import Noise, estimate, white
+from orchestration.identify.noise import Noise, Whitening, estimate, white
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
-from orchestration.identify.whitening import Whitening
 
 Array = NDArray[np.float64]
 Gradient = Mapping[str, NDArray[Any]]
