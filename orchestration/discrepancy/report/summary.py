@@ -35,6 +35,14 @@ def summary(result: Result) -> dict[str, Any]:
             "estimation": _numbers(diagnosis.fitted_errors),
             "validation": _numbers(diagnosis.judged_errors),
         },
+        "inputs": {
+            name: {
+                "between_samples": "linear" if choice.linear else "held",
+                "basis": str(choice.basis),
+                "delta_bic": None if choice.margin is None else number(choice.margin),
+            }
+            for name, choice in diagnosis.intersample.items()
+        },
         "notes": [
             {"code": str(note.code), "subject": note.subject, "message": wording.message(note)} for note in result.notes
         ],
