@@ -161,12 +161,7 @@ def diagnose(
         parts = parts.with_linear(intersample.linear(chosen))
     estimation, validation = parts.estimation, parts.validation
     selection = Selection(base) if inconclusive else select(search, effects, base)
-    selection = replace(
-        selection,
-        base=search.trusted(selection.base),
-        steps=[replace(step, chosen=search.trusted(step.chosen)) for step in selection.steps],
-    )
-    selection, predictions, dropped = validated(selection, validation)
+    selection, predictions, dropped = validated(_trusted(search, selection), validation)
     whole = replace(search, data=parts.usable)
     final = whole.trusted(whole.refit(selection.best)) if validation.continued else selection.best
     values = estimates(final)
@@ -203,6 +198,12 @@ def diagnose(
         notes,
         chosen,
     )
+
+
+def _trusted(search: Search, selection: Selection) -> Selection:
+    """Return a selection with the fits that are reported."""
+    steps = [replace(step, chosen=search.trusted(step.chosen)) for step in selection.steps]
+    return replace(selection, base=search.trusted(selection.base), steps=steps)
 
 
 def _excitation_notes(notes: Sequence[Note], data: Dataset, excited: bool, starts: tuple[str, ...]) -> list[Note]:
