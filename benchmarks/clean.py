@@ -274,10 +274,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--every", type=int, default=4, help="hold every so-manieth against least squares; 0 for none")
     parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
+    parser.add_argument("--without", nargs="*", default=[], help="words that a case must not contain")
     parser.add_argument("--kept", type=Path, help="JSON lines, one a record; default build/clean/SEED.jsonl")
     parser.add_argument("--out", type=Path, help="Markdown to write as well")
     chosen = parser.parse_args(arguments)
-    wanted = [c for c in cases(chosen.records, chosen.seed) if all(word in str(c) for word in chosen.only)]
+    wanted = [
+        case for case in cases(chosen.records, chosen.seed)
+        if all(word in str(case) for word in chosen.only) and not any(word in str(case) for word in chosen.without)
+    ]  # fmt: skip
     kept = chosen.kept or ROOT / "build" / "clean" / f"{chosen.seed}.jsonl"
     text = str(report(run(wanted, kept, chosen.every, lambda line: print(line, flush=True))))
     print("\n" + text)

@@ -240,7 +240,7 @@ class Pendulum(Plant):
     model = f"{_MODELS / 'pendulum.py'}:Pendulum"
     nominal = {"inertia": 0.5, "weight": 5.0, "damping": 0.4}
     states = ("angle", "velocity")
-    inputs = {"torque": Range("N*m", 0.0, 2.5)}
+    inputs = {"torque": Range("N*m", 0.0, 1.2)}
     outputs = {"position": "rad"}
     rate, duration, period = 20.0, 60.0, 1.5
     timings = ("usual", "one minute")
