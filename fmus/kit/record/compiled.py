@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,7 +79,7 @@ class CompiledModel:
         time: Array,
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float] | None = None,
-        linear: bool = False,
+        linear: bool | Collection[str] = False,
         effort: float = 1e6,
     ) -> Trajectory:
         """Simulate.
@@ -92,8 +92,8 @@ class CompiledModel:
             Values of shape (n,) by input name, SI; missing ones stay at their start value.
         parameters : Mapping[str, float], optional
             Values that replace defaults, SI.
-        linear : bool
-            Interpolate inputs between samples instead of holding them.
+        linear : bool or collection of str
+            Inputs that are interpolated between samples instead of held: all of them, none, or those named.
         effort : float
             Internal steps per sample, on average, beyond which the simulation is abandoned.
 
@@ -124,7 +124,10 @@ class CompiledModel:
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
         everything = np.concatenate([vector, self._hoisted(vector).full()[:, 0]])
         times = np.ascontiguousarray(time, dtype=float)
-        outputs, states = self._engine.simulate(times, table, linear, everything, self._graph.tolerance, effort)
+        named = {v.name for v in layout.inputs} if linear is True else linear or ()
+        named = {v.name for v in layout.inputs} if linear is True else linear or ()
+        moving = np.array([float(v.name in named) for v in layout.inputs])
+        outputs, states = self._engine.simulate(times, table, moving, everything, self._graph.tolerance, effort)
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
         continuous, discrete = np.split(states, [len(layout.states)], axis=1)
@@ -160,13 +163,13 @@ class _Library:
         self._outputs, self._states = len(layout.outputs), len(layout.states) + len(layout.discretes)
 
     def simulate(
-        self, time: Array, table: Array, linear: bool, parameters: Array, tolerance: float, effort: float
+        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float
     ) -> tuple[Array, Array]:
         """Run over a record, as :meth:`Interpreted.simulate`."""
         outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
         message = ctypes.create_string_buffer(1024)
         failed = self._function(
-            len(time), _pointer(time), _pointer(table), int(linear), _pointer(parameters), tolerance, effort,
+            len(time), _pointer(time), _pointer(table), _pointer(linear), _pointer(parameters), tolerance, effort,
             _pointer(outputs), _pointer(states), message, len(message),
         )  # fmt: skip
         if failed:
@@ -195,7 +198,7 @@ def _load(graph: Graph) -> Any:
         files.write_once(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate
     function.argtypes = [
-        ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, ctypes.c_double,
+        ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,
         ctypes.c_double, _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
     ]  # fmt: skip
     function.restype = ctypes.c_int

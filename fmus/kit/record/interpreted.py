@@ -61,7 +61,7 @@ class Interpreted:
         self._updates = [_Law(update, arguments, sizes[3]) for update in updates]
 
     def simulate(
-        self, time: Array, table: Array, linear: bool, parameters: Array, tolerance: float, effort: float
+        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float
     ) -> tuple[Array, Array]:
         """Run over a record.
 
@@ -69,8 +69,8 @@ class Interpreted:
         ----------
         time : ndarray, shape (n,)
         table : ndarray, shape (n, inputs)
-        linear : bool
-            Interpolate inputs between samples instead of holding them.
+        linear : ndarray, shape (inputs,)
+            1 for an input that is interpolated between samples, 0 for one that is held.
         parameters : ndarray
         tolerance, effort : float
             Accuracy of an internal step, and how many there may be for each sample.
@@ -100,7 +100,8 @@ class Interpreted:
             h = float(time[k + 1]) - now
             if not 0.0 < h < math.inf:
                 raise UserError(f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s")
-            self._held, self._slope, self._since = table[k], (table[k + 1] - table[k]) / h if linear else None, now
+            slope = np.where(linear, table[k + 1] - table[k], 0.0) / h if linear.any() else None
+            self._held, self._slope, self._since = table[k], slope, now
             budget -= self._advance(now, now + h, float(time[0]), periods, counters)
             if budget < 0.0:
                 raise UserError(
