@@ -1,4 +1,6 @@
-/* Runs a whole record in one call, for fitting: the same engine as in the FMU, without the FMI around it. */
+/* Runs a whole record in one call, for fitting: the same engine as in the FMU, without the FMI around it, and with an
+   integrator of its own where a component is stiff. */
+#include "exponential.c"
 #include "instance.h"
 #include "native.h"
 
@@ -68,24 +70,26 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
 }
 
 /* `inputs` is n x MODEL_INPUTS, `outputs_at` n x MODEL_OUTPUTS, `states_at` n x (states, then discretes), row by row. Row
-   k of the latter two belongs to time[k] with the inputs of row k. An input is held over each interval where its entry of
-   `linear` is 0, and interpolated where that is 1. `effort` is how many internal steps per sample are made, on average, before it is given up.
-   Returns 0, or 1 with a message. */
+   k of the latter two belongs to time[k] with the inputs of row k. An input is held over each interval where its entry
+   of `linear` is 0, and interpolated where that is 1. `effort` is how many internal steps per sample are made, on
+   average, before it is given up. `ladder` is NULL where the component is not stiff. Returns 0, or 1 with a message. */
 EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, const double *linear,
-                        const double *parameters, double tolerance, double effort, double *outputs_at,
-                        double *states_at, char *message, size_t message_size) {
+                        const double *parameters, double tolerance, double effort, const Ladder *ladder,
+                        double *outputs_at, double *states_at, char *message, size_t message_size) {
     /* not on the stack, which a thread may have little of */
     double *memory = calloc(MEMORY_SIZE, sizeof *memory);
-    Engine *engine = calloc(1, sizeof *engine);
+    Recorder *recorder = calloc(1, sizeof *recorder);
     Message text = "out of memory";
-    bool done = memory != NULL && engine != NULL;
+    bool done = memory != NULL && recorder != NULL;
     if (done && n > 0) {
         start(memory, time[0], parameters, tolerance);
-        engine->memory = memory;
-        done = run(engine, n, time, inputs, linear, effort, outputs_at, states_at, text);
+        recorder->engine.memory = memory;
+        if (ladder != NULL)
+            recorder->ladder = *ladder;
+        done = run(&recorder->engine, n, time, inputs, linear, effort, outputs_at, states_at, text);
     }
     snprintf(message, message_size, "%s", text);
-    free(engine);
+    free(recorder);
     free(memory);
     return done ? 0 : 1;
 }

@@ -19,6 +19,7 @@ from orchestration.discrepancy.report import elements, figures, typography, word
 from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED, ShownModel
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.identify.metrics import normalised_rms, rms
+from orchestration.records.clock import evenly_sampled
 from orchestration.reporting.page import Markup, Page, escaped
 
 Array = NDArray[np.float64]
@@ -183,7 +184,7 @@ def residuals(made: Page, result: Result) -> None:
         texts += [line[:1].upper() + line[1:] + "." for line in dependences]
         made.parts.append(f"<h3>{escaped(output)}</h3>")
         made.items(texts)
-        if not best.problem.even:
+        if not evenly_sampled(diagnosis.estimation.time):
             made.text("Sampling is uneven, so there is no spectrum and no autocorrelation to show.")
             continue
         unit, lines = (signal.unit, unit_of_differences(signal)), [line.frequency for line in analysis.lines[:_LISTED]]
