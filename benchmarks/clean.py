@@ -15,7 +15,7 @@ import re
 import tempfile
 import time as clock
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from benchmarks.tables import Table, Topic
 from fmus.kit.errors import UserError
 from tests.support.clean.judge import least_squares_fit, pooled_error
 from tests.support.clean.records import KINDS, Case, CleanRecord, cases, draw
+from tests.support.clean.stimuli import SMOOTH
 
 ROOT = Path(__file__).resolve().parent.parent
 Row = dict[str, Any]
@@ -73,7 +74,8 @@ def judge(case: Case, fitted: bool = True) -> Row:
             for n in physical if np.isfinite((e := result.parameters[n]).interval).all()
         },
     }  # fmt: skip
-    return row | (_errors(drawn, values) if not result.causes else {}) | (_least(drawn) if fitted else {})
+    linear = [*(result.details.diagnosis.estimation.linear or ())]
+    return row | (_errors(drawn, values, linear) if not result.causes else {}) | (_least(drawn) if fitted else {})
 
 
 def reasons(figures: dict[str, Any]) -> list[str]:
@@ -111,11 +113,18 @@ def _without_figures(text: str) -> str:
     return re.sub(r"\S*/\S*\.csv", "FILE", re.sub(r"[-+]?\d[\d.,e+-]*", "#", text))[:110]
 
 
-def _errors(drawn: CleanRecord, values: dict[str, float]) -> Row:
-    """Pooled errors of refitted, untouched and true parameters, simulated here, and how much can be told."""
+def _errors(drawn: CleanRecord, values: dict[str, float], linear: Collection[str]) -> Row:
+    """Pooled errors of refitted, untouched and true parameters, simulated here, and how much can be told.
+
+    Between samples the refitted model is simulated as the diagnosis took inputs to go.
+    """
     rests = {f"{n}_start": float(v) for n, v in zip(drawn.plant.states, drawn.plant.rest(), strict=True)}
     tried = {"refit": values, "untouched": dict(drawn.plant.nominal) | rests, "true": drawn.truth}
-    errors = {name: pooled_error(drawn.outputs, drawn.simulated(at), drawn.regular) for name, at in tried.items()}
+    ways = {"refit": linear}
+    errors = {
+        name: pooled_error(drawn.outputs, drawn.simulated(at, smooth=ways.get(name)), drawn.regular)
+        for name, at in tried.items()
+    }
     effective = 0.0
     for output, y in drawn.outputs.items():
         noise = y - drawn.clean[output]
@@ -204,18 +213,24 @@ def _grouped(rows: Iterable[Row], axis: str) -> dict[Any, list[Row]]:
 
 
 def _coverage(rows: Sequence[Row]) -> Table:
-    """Share of physical parameters whose 95 % interval holds the truth, where no false cause was named."""
+    """Share of physical parameters whose 95 % interval holds the truth, where no false cause was named.
+
+    Apart: inputs that are held in steps, those held whose course is smooth (nothing may tell that they are), and those
+    that are smooth.
+    """
+    kinds: dict[str, Callable[[Row], bool]] = {
+        "steps": lambda row: row["stimulus"] not in SMOOTH,
+        "held": lambda row: row["stimulus"] in SMOOTH and not row["smooth"],
+        "smooth": lambda row: bool(row["smooth"]),
+    }
     table = []
     for name, these in _grouped(rows, "noise").items():
-        apart = [[hit for r in these if not r["causes"] and r["smooth"] == s for hit in r["inside"].values()]
-                 for s in (False, True)]  # fmt: skip
-        table.append(
-            [
-                str(name),
-                *(cell for hits in apart for cell in (len(hits), f"{100 * np.mean(hits):.1f} %" if hits else "")),
-            ]
-        )
-    return Table(["noise", "intervals, held inputs", "cover", "intervals, smooth inputs", "cover "], table)
+        cells: list[str | int] = [str(name)]
+        for belongs in kinds.values():
+            hits = [hit for row in these if belongs(row) and not row["causes"] for hit in row["inside"].values()]
+            cells += [len(hits), f"{100.0 * np.mean(hits):.1f} %" if hits else ""]
+        table.append(cells)
+    return Table(["noise", *(head for kind in kinds for head in (f"intervals, {kind}", "cover"))], table)
 
 
 def _fits(rows: Sequence[Row]) -> list[str | Table]:

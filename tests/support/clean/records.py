@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tests.support.clean.disturbances import INPUT_NOISE, JITTER, ON_OUTPUTS, jittered
 from tests.support.clean.plants import PLANTS, Loop, Plant
-from tests.support.clean.simulation import closed_loop, simulate
+from tests.support.clean.simulation import FINEST, closed_loop, simulate
 from tests.support.clean.stimuli import SMOOTH, STIMULI, Shape
 
 Array = NDArray[np.float64]
@@ -66,14 +66,19 @@ class CleanRecord:
         np.savetxt(path, np.column_stack(list(columns.values())), "%.12g", ",", header=header, comments="")
         return path
 
-    def simulated(self, values: Mapping[str, float], finest: float | None = None) -> dict[str, Array]:
-        """Outputs of the plant with parameters and starting states of other values, as `<state>_start`."""
+    def simulated(
+        self, values: Mapping[str, float], finest: float = FINEST, smooth: Collection[str] | None = None
+    ) -> dict[str, Array]:
+        """Outputs of the plant with parameters and starting states of other values, as `<state>_start`.
+
+        `smooth` names inputs that are taken to go linearly; as they were drawn unless given.
+        """
         own = dict(self.plant.nominal) | {n: v for n, v in values.items() if n in self.plant.nominal}
         rest = zip(self.plant.states, self.plant.rest(), strict=True)
         start = np.array([values.get(f"{n}_start", at_rest) for n, at_rest in rest])
         u = np.stack([self.inputs[n] for n in self.plant.inputs])
-        more = {} if finest is None else {"finest": finest}
-        y, _ = simulate(self.plant, own, self.step, u, start, self.case.smooth, **more)
+        linear = np.array([self.case.smooth if smooth is None else n in smooth for n in self.plant.inputs])
+        y, _ = simulate(self.plant, own, self.step, u, start, linear, finest)
         return dict(zip(self.plant.outputs, y, strict=True))
 
 

@@ -64,22 +64,32 @@ def recursion(f: Array, start: Array, drive: Array) -> Array:
 
 
 def simulate(
-    plant: Dynamics, p: Values, step: float, u: Array, start: Array, smooth: bool = False, finest: float = FINEST
+    plant: Dynamics,
+    p: Values,
+    step: float,
+    u: Array,
+    start: Array,
+    smooth: bool | NDArray[np.bool_] = False,
+    finest: float = FINEST,
 ) -> tuple[Array, Array]:
-    """Outputs (o, n) and states (s, n) under inputs (m, n) at even steps, held or going linearly between samples."""
+    """Outputs (o, n) and states (s, n) under inputs (m, n) at even steps, held or going linearly between samples.
+
+    `smooth` may tell input by input, shape (m,).
+    """
     acting = plant.static(p, u)
+    change = np.diff(acting, axis=1) * np.broadcast_to(smooth, len(u))[:, None]
     system = plant.matrices(p)
     if system is None:
-        x, fed, shown, passed = list(start), acting.T.tolist(), [], []
-        for now, then in zip(fed, [*fed[1:], fed[-1]], strict=True):
+        fed, ends = acting.T.tolist(), [*(acting[:, :-1] + change).T.tolist(), acting[:, -1].tolist()]
+        x, shown, passed = list(start), [], []
+        for now, then in zip(fed, ends, strict=True):
             shown.append(plant.shown(x, now, p))
             passed.append(x)
-            x = _advanced(plant, p, x, now, then if smooth else now, step, finest)
+            x = _advanced(plant, p, x, now, then, step, finest)
         return np.array(shown).T, np.array(passed).T
     a, b, c, d = system
     f, g, h = transition(a, b, step)
-    ramp = h @ np.diff(acting, axis=1) if smooth else 0.0
-    states = recursion(f, start, g @ acting[:, :-1] + ramp)
+    states = recursion(f, start, g @ acting[:, :-1] + h @ change)
     return c @ states + d @ acting + plant.bias(p)[:, None], states
 
 
