@@ -106,7 +106,7 @@ def _unexplained(diagnosis: Diagnosis) -> list[str]:
         parts += [f"a line at {line.frequency:.3g} Hz in {output}" for line in analysis.lines[:1]]
         shifts = len(analysis.level_shifts)
         parts += [f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}"] if shifts else []
-        parts += [structure(item, output) for item in analysis.structure[:1]]
+        parts += [structure(item, output) for item in diagnosis.unexplained(output)[:1]]
     return parts + [message(note) for note in diagnosis.notes if note.code is NoteCode.IMPLAUSIBLE]
 
 

@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 _LEAST = 2e-4  # of the range, below which an input is as good as known
 _BENDS = 6.0 * np.sqrt(6.0)  # deviations of the noise, beyond which a second difference is a step or a bend
 # Third differences of white noise change their sign with probability 1/2 + asin(3/4) / pi = 0.77, those of a smooth
-# course hardly ever.
+# course hardly ever. A quarter of the stretches is enough, because a chirp is smooth enough in some of them only.
 _ALTERNATING = 0.68
-_FEWEST = 100  # third differences that it takes
+_STRETCH = 50
 _FOLLOWED = 10.0  # fall of minus twice the log-likelihood with which the outputs follow: very strong evidence
 REPLICAS = 8  # realisations of the noise
 
@@ -36,9 +36,9 @@ def measured_noise(values: Array) -> float:
         return 0.0
     calm = np.abs(np.diff(values, 2)) < _BENDS * noise
     sign = np.sign(np.diff(values, 3))[calm[:-1] & calm[1:]]
-    if len(sign) < _FEWEST or np.mean(sign[1:] * sign[:-1] < 0.0) < _ALTERNATING:
-        return 0.0
-    return noise
+    alternating = (sign[1:] * sign[:-1] < 0.0)[: (len(sign) - 1) // _STRETCH * _STRETCH].reshape(-1, _STRETCH)
+    seen = len(alternating) > 1 and np.quantile(alternating.mean(axis=1), 0.75) > _ALTERNATING
+    return noise if seen else 0.0
 
 
 def noisy_inputs(cls: type[Component], data: Dataset) -> dict[str, float]:

@@ -18,6 +18,7 @@ from fmus.kit import Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.residuals.analysis import ALPHA, ResidualAnalysis, analyse_residuals
 from orchestration.discrepancy.selection.input_noise import (
     REPLICAS,
     noisier,
@@ -32,7 +33,7 @@ from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.identify.covariance import covariance
 
 Array = NDArray[np.float64]
-_BEYOND = 2.0  # times the most that noise alone gained an effect in any replica, which its evidence must come to
+_BEYOND = 2.0  # times the most evidence that noise makes by itself in any replica, which an effect must come to
 _PASSES = 4  # of smoothing, after which next to nothing is left of noise from sample to sample
 _TOLD = 0.002  # of the range, from which on noise of an input is told whatever it does
 _MATTERS = 0.5  # standard errors of a bias, from which on it is
@@ -136,6 +137,46 @@ def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple
     return selection, []
 
 
+def excused(
+    residuals: Mapping[str, ResidualAnalysis], selection: Selection, search: Search, noise: InputNoise
+) -> frozenset[tuple[str, type]]:
+    """Kinds of structure, by output, that noise of the inputs puts into residuals by itself.
+
+    Parameters
+    ----------
+    residuals : Mapping of str to ResidualAnalysis
+        Of the best model.
+    selection : Selection
+    search : Search
+    noise : InputNoise
+    """
+    asked = {(o, type(s)): _evidence(a)[type(s)] for o, a in residuals.items() for s in a.structure}
+    if not noise.deviation or not asked:
+        return frozenset()
+    most: dict[tuple[str, type], float] = {}
+    for seed in range(REPLICAS):
+        replica = _replica(search, selection.base, noise.deviation, seed)
+        try:
+            analysed = analyse_residuals(replica.refit(selection.base), replica.data)
+        except UserError:
+            continue
+        for output, analysis in analysed.items():
+            for kind, evidence in _evidence(analysis).items():
+                most[output, kind] = max(most.get((output, kind), 0.0), evidence)
+    usual = -float(np.log(ALPHA))  # which is meant for records without such noise
+    return frozenset(key for key, evidence in asked.items() if evidence < _BEYOND * max(most.get(key, 0.0), usual))
+
+
+def _evidence(analysis: ResidualAnalysis) -> dict[type, float]:
+    """Minus the logarithm of the least p-value of every kind of test, none of it infinite."""
+    found: dict[type, float] = {}
+    for value in vars(analysis).values():
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(p := getattr(item, "p_value", None), float):
+                found[type(item)] = max(found.get(type(item), 0.0), -float(np.log(max(p, 1e-300))))
+    return found
+
+
 def _replica(search: Search, base: FittedCandidate, noise: Mapping[str, float], seed: int) -> Search:
     """Search over a record in which nothing is wrong but noise on inputs and outputs."""
     calm = {n: smoothed(search.data.inputs[n], s, _PASSES) for n, s in noise.items()}
@@ -160,15 +201,15 @@ def _gain(replica: Search, base: FittedCandidate, effect: type[Effect], tried: i
         return 0.0
 
 
-def remarks(noise: InputNoise, base: FittedCandidate, ranges: Mapping[str, float]) -> list[Note]:
+def remarks(noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array]) -> list[Note]:
     """What is to be said of noise on inputs: its size, and the parameter that it biases most.
 
     Parameters
     ----------
     noise : InputNoise
     base : FittedCandidate
-    ranges : Mapping of str to float
-        Of the inputs, SI.
+    inputs : Mapping of str to ndarray, shape (n,)
+        SI.
     """
     if not noise.deviation:
         return []
@@ -177,6 +218,7 @@ def remarks(noise: InputNoise, base: FittedCandidate, ranges: Mapping[str, float
     physical = [i for i, n in enumerate(noise.names) if not problem.declared[n].starts and np.isfinite(errors[i])]
     if not physical:
         return []
+    ranges = {n: float(np.ptp(inputs[n])) for n in noise.deviation}
     most = max(physical, key=lambda i: abs(noise.bias[i]) / errors[i])
     name = noise.names[most]
     off = (
