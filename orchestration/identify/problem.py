@@ -7,7 +7,7 @@ Parameters that are positive by nature are searched in their logarithm, others i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,6 +51,10 @@ class Scale:
         return float(np.exp(q)) if self.logarithmic else self.size
 
 
+class OutOfTimeError(UserError):
+    """A search has no time left for another point."""
+
+
 class Problem:
     """A component, a record, and the parameters to search; one simulation serves residuals and derivatives.
 
@@ -84,6 +88,8 @@ class Problem:
     scales : list of Scale
     evaluations : int
         Simulations made.
+    out_of_time : callable
+        Whether points that were not simulated before, except for the first, are refused now; never, unless replaced.
 
     Raises
     ------
@@ -110,6 +116,8 @@ class Problem:
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
+        self.out_of_time: Callable[[], bool] = lambda: False
+        self._seen: set[bytes] = set()
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -118,9 +126,12 @@ class Problem:
         Raises
         ------
         UserError
-            If the simulation fails there.
+            If the simulation fails there, or there is no time for it.
         """
         if self._at is None or self._at[0] != q.tobytes():
+            if self._seen and q.tobytes() not in self._seen and self.out_of_time():
+                raise OutOfTimeError("there is no time left to search on")
+            self._seen.add(q.tobytes())
             self.evaluations += 1
             trajectory = self.model.run(
                 self.time, self.inputs, self.start | self.values(q), effort=max(_EFFORT, _EFFORTS / len(self.time))
