@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
 _EFFORT, _EFFORTS = 50.0, 3e5
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
+_SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
+_FEWEST_CALM = 100  # samples
 _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 
 
@@ -81,6 +83,9 @@ class Problem:
         Value of every parameter where the search starts.
     measured, present : dict of str to ndarray
         Outputs of which anything was measured, and where.
+    calm : dict of str to ndarray of bool, shape (m,)
+        Measured samples of every output that tell of its noise: it did not stand still, and no step of an input came
+        close before.
     even : bool
         Whether samples are equally spaced.
     order : int
@@ -89,7 +94,7 @@ class Problem:
     evaluations : int
         Simulations made.
     out_of_time : callable
-        Whether points that were not simulated before, except for the first, are refused now; never, unless replaced.
+        Whether there is no time left to search on; never, unless replaced.
 
     Raises
     ------
@@ -113,11 +118,12 @@ class Problem:
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
+        moved = input_steps(inputs, len(time))
+        self.calm = {o: _calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
-        self._seen: set[bytes] = set()
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -126,12 +132,9 @@ class Problem:
         Raises
         ------
         UserError
-            If the simulation fails there, or there is no time for it.
+            If the simulation fails there.
         """
         if self._at is None or self._at[0] != q.tobytes():
-            if self._seen and q.tobytes() not in self._seen and self.out_of_time():
-                raise OutOfTimeError("there is no time left to search on")
-            self._seen.add(q.tobytes())
             self.evaluations += 1
             trajectory = self.model.run(
                 self.time, self.inputs, self.start | self.values(q), effort=max(_EFFORT, _EFFORTS / len(self.time))
@@ -141,6 +144,19 @@ class Problem:
             jacobian = {o: -trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
+
+    def while_there_is_time(self, residual: Callable[[Array], Array]) -> Callable[[Array], Array]:
+        """Residuals for one search: its first point always, others while there is time, so that it ends at its best."""
+        begun = False
+
+        def limited(q: Array) -> Array:
+            nonlocal begun
+            if begun and self.out_of_time():
+                raise OutOfTimeError("there is no time left to search on")
+            begun = True
+            return residual(q)
+
+        return limited
 
     def forget(self) -> None:
         """Let go of the last simulation."""
@@ -202,6 +218,20 @@ class Problem:
         low, high = self.bounds()
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
         return np.clip(q, low + nudge, high - nudge)
+
+
+def input_steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
+    """Where any input differs from the sample before by more than a hundredth of its range; `count` without inputs."""
+    moved = [np.abs(np.diff(u, prepend=u[:1])) > 0.01 * np.ptp(u) for u in inputs.values() if np.ptp(u) > 0.0]
+    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
+
+
+def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
+    """Return samples (n,) of which the noise, and little else, makes what a model leaves."""
+    alive = np.diff(measured, prepend=np.nan) != 0.0
+    near = np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0
+    far = alive & ~near
+    return np.asarray(far if far.sum() > max(_FEWEST_CALM, 0.1 * alive.sum()) else alive)
 
 
 def _scale(declaration: Any, value: float) -> Scale:

@@ -5,6 +5,7 @@ The clock is replaced by one that ticks at every look, so that the time ends at 
 
 from itertools import count
 
+import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
@@ -53,12 +54,13 @@ def test_the_best_answer_so_far_is_returned_wherever_the_time_ends(monkeypatch):
 
 def test_a_fit_that_is_ended_early_keeps_its_best_point(monkeypatch):
     """With every point after the first refused the base model is what it was; with some it is nearer to the record."""
-    costs = {}
+    errors = {}
     for ticks in (0.5, 4.0, 1e9):
-        fit = with_ticks(monkeypatch, ticks).selection.base.fit
-        costs[ticks] = fit.deviance
-    assert costs[0.5] >= costs[4.0] >= costs[1e9]
-    assert costs[0.5] > costs[1e9]
+        found = with_ticks(monkeypatch, ticks)
+        left = found.selection.base.fit.residual
+        errors[ticks] = sum(np.var(left[o]) / np.nanvar(y) for o, y in found.estimation.measured.items())
+    assert errors[0.5] > 1.1 * errors[4.0]
+    assert errors[4.0] > 0.98 * errors[1e9]
 
 
 def test_longer_records_have_more_time():
