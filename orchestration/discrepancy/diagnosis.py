@@ -191,20 +191,9 @@ def diagnose(
     else:
         verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed)
     return Diagnosis(
-        verdict,
-        selection,
-        values,
-        changed,
-        residuals,
-        before,
-        after,
-        *errors,
-        estimation,
-        validation,
-        final,
-        notes,
+        verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
         chosen,
-    )
+    )  # fmt: skip
 
 
 def _refitted(search: Search, best: FittedCandidate, validation: ValidationData) -> tuple[FittedCandidate, list[Note]]:
