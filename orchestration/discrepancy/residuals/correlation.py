@@ -79,7 +79,7 @@ def cross_correlations(
     list of Association
         The strongest first.
     """
-    n, kept = present.size, noise.kept(present)
+    n, kept = present.size, np.flatnonzero(present)
     max_lag = min(lags, n // 20)
     if kept.size < FEWEST or max_lag < 1:
         return []
@@ -91,7 +91,7 @@ def cross_correlations(
     result = []
     for signal in signals:
         white = noise.whiten(signal.values, everywhere)
-        white = np.concatenate([np.zeros(noise.memory), white - white.mean()])
+        white = white - white.mean()
         # sums over the samples at which there are both, for every shift
         together = np.array([_overlap(innovation, white, int(k)) for k in shifts])
         energy = np.array([_overlap(seen, white**2, int(k)) for k in shifts])
