@@ -16,7 +16,7 @@ from benchmarks.clean import WORSE
 from benchmarks.public import DATA, GAINS, Question, errors, pulses
 from tests.support.clean.judge import pooled_error
 
-AWAITED = pytest.mark.xfail(strict=False, reason="the coloured fit is worse than the simulation-error fit")
+STANDS_STILL = pytest.mark.xfail(strict=False, reason="samples at which the motor stands still are left out as dead")
 
 
 def question(title: str, public_data: Callable[[str], Path], record: str, model: str, **more) -> Question:
@@ -32,7 +32,6 @@ def no_worse(asked: Question) -> None:
     assert row["refitted"] <= WORSE * min(row["untouched"], row["least squares"])
 
 
-@AWAITED
 @pytest.mark.parametrize("number", [3, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1, 2, 4, 5, 6, 7, 8, 9))])
 def test_a_pulse_of_a_cell(public_data, tmp_path, number):
     public_data("lfp_cell_ten_pulses.csv")
@@ -43,12 +42,11 @@ def test_a_pulse_of_a_cell(public_data, tmp_path, number):
     no_worse(asked)
 
 
-@AWAITED
 def test_a_supercapacitor(public_data):
     no_worse(question("3 A", public_data, "supercapacitor_maxwell_3A.csv", "supercapacitor.py:Supercap"))
 
 
-@AWAITED
+@pytest.mark.xfail(strict=False, reason="0.088: where another record starts is estimated on its first sixth alone")
 def test_a_supercapacitor_at_another_current(public_data):
     """Plain least squares leaves 0.049 of the spread, untouched parameters 0.145."""
     model = "supercapacitor.py:Supercap"
@@ -58,7 +56,7 @@ def test_a_supercapacitor_at_another_current(public_data):
     assert said.gain.before["voltage"] <= 0.055
 
 
-@pytest.mark.parametrize("gain", [g if g in (1.0, 3.0) else pytest.param(g, marks=pytest.mark.slow) for g in GAINS])
+@pytest.mark.parametrize("gain", [g if g in (2.0, 3.0) else pytest.param(g, marks=pytest.mark.slow) for g in GAINS])
 def test_a_motor_with_a_dead_zone_is_not_consistent(public_data, gain):
     """Whatever gain it starts from."""
     settings, mapping = {"gain": gain}, {"speed": "speed[rpm]"}
@@ -67,14 +65,13 @@ def test_a_motor_with_a_dead_zone_is_not_consistent(public_data, gain):
     assert said.verdict != "consistent"
 
 
-@AWAITED
+@STANDS_STILL
 @pytest.mark.parametrize("gain", [g if g == 2.0 else pytest.param(g, marks=pytest.mark.slow) for g in GAINS])
 def test_a_motor_with_a_dead_zone(public_data, gain):
     more = {"settings": {"gain": gain}, "mapping": {"speed": "speed[rpm]"}}
     no_worse(question("motor", public_data, "dc_motor_dead_zone.csv", "dc_motor.py:Motor", **more))
 
 
-@AWAITED
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("age", ["before", "after"])
