@@ -22,6 +22,7 @@ _VERDICTS = {
     Verdict.AMBIGUOUS: "Something is wrong that this record cannot tell apart: {causes}.",
     Verdict.UNEXPLAINED: "{beside} is left that nothing in the catalogue accounts for: {unexplained}.",
 }
+_LISTED = 5  # names of many
 _NOTES = {
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: "cut off at its {end} {level:.6g}, {times} times, {share} of the samples",
@@ -43,6 +44,9 @@ _NOTES = {
     NoteCode.INTERSAMPLE_OPEN:
         "taken to {course} between samples, {basis}, but the fits do not tell{margin}: the other way, {parameter} "
         "would be {factor:.4g} times as large; --interpolate or --no-interpolate forces it",
+    NoteCode.INPUT_NOISE:
+        "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive the outputs: "
+        "{parameter} comes out {bias} off by that, and evidence for effects counts only beyond what such noise makes",
     NoteCode.CONSTANT_INPUT:
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and effects that need "
         "them cannot be told apart",
@@ -62,6 +66,8 @@ _NOTES = {
     NoteCode.UNIDENTIFIABLE: "{subject} was not judged: on this record other parameters do the same",
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
     NoteCode.NOT_VALIDATED: "fits the estimation data better, but not the part held out, and is not claimed",
+    NoteCode.INPUT_NOISE_DOES_THE_SAME:
+        "not claimed: noise on {inputs} makes as much evidence by itself (BIC falls by {gain:.3g})",
     NoteCode.CONFOUNDED: "much of what it does, others would do: {shares}",
     NoteCode.IMPLAUSIBLE: "out of all reason: {ratios}; look at units, signs and columns first",
     NoteCode.NO_GAIN:
@@ -69,6 +75,10 @@ _NOTES = {
         "are, but the error there is not smaller in every output",
     NoteCode.FMU_FAILED: "the extended FMU could not be run over the part held out: {reason}",
     NoteCode.NO_EXPERIMENT: "no experiment could be designed: {reason}",
+    NoteCode.NOT_REFITTED: "what was found could not be fitted to all of the record, only to its first part: {reason}",
+    NoteCode.TIME_SPENT:
+        "the {seconds:g} s that there were are spent: this is the best answer so far, and on another machine it may be "
+        "another; {untried}; --time gives more",
 }  # fmt: skip
 
 
@@ -77,12 +87,14 @@ def sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
     causes = _causes(diagnosis)
-    return _VERDICTS[diagnosis.verdict].format(
+    said = _VERDICTS[diagnosis.verdict].format(
         changed=", ".join(diagnosis.changed),
         causes=causes,
         beside=f"Beside {causes}, something" if causes else "Something",
         unexplained="; ".join(_unexplained(diagnosis)),
     )
+    hurried = any(note.code is NoteCode.TIME_SPENT for note in diagnosis.notes)
+    return f"{said} (The time was spent before all was tried.)" if hurried else said
 
 
 def _causes(diagnosis: Diagnosis) -> str:
@@ -101,7 +113,7 @@ def _unexplained(diagnosis: Diagnosis) -> list[str]:
         parts += [f"a line at {line.frequency:.3g} Hz in {output}" for line in analysis.lines[:1]]
         shifts = len(analysis.level_shifts)
         parts += [f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}"] if shifts else []
-        parts += [structure(item, output) for item in analysis.structure[:1]]
+        parts += [structure(item, output) for item in diagnosis.unexplained(output)[:1]]
     return parts + [message(note) for note in diagnosis.notes if note.code is NoteCode.IMPLAUSIBLE]
 
 
@@ -127,9 +139,19 @@ def _fact(name: str, value: Any) -> Any:
         )
     if name == "margin":
         return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
+    if name == "bias":
+        return f"{100.0 * value:+.2g} %"
+    if name == "untried":
+        return f"not tried: {_some(value)}" if value else "fits were ended early"
     if name in ("share", "usable"):
         return f"{100.0 * value:.2g} %"
     return ",".join(value) if isinstance(value, tuple) else value
+
+
+def _some(names: tuple[str, ...]) -> str:
+    """The first few of many names, and how many more there are."""
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def structure(item: Structure, output: str) -> str:
