@@ -22,6 +22,7 @@ from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
 from orchestration.identify.estimate import Estimate
+from orchestration.identify.runs import base_name
 
 DEGRADED = 1.1  # times the error before, above which it has grown
 # Share of the structure in a residual that may be left beside a cause, which never has quite the catalogue's form.
@@ -107,8 +108,9 @@ def diagnose(
     progress: Callable[[str], None] = lambda text: None,
     holdout: Dataset | None = None,
     held: Sequence[str] = (),
+    each: Sequence[str] = (),
 ) -> Diagnosis:
-    """Tell what a model gets wrong on a record.
+    """Tell what a model gets wrong on a record, or on several with one set of parameters.
 
     Parameters
     ----------
@@ -126,6 +128,8 @@ def diagnose(
     held : sequence of str
         Parameters that are known, and keep their values. Where no input moves, a record can be judged only if every
         start value is among them.
+    each : sequence of str
+        Parameters that differ from run to run: where they are is no change.
 
     Returns
     -------
@@ -136,18 +140,20 @@ def diagnose(
     UserError
         If the model cannot be simulated over the record, or no output can be trusted.
     """
-    parts = divided(cls, data, holdout, fixed or {})
+    parts = divided(cls, data, holdout, fixed or {}, bool(each))
     estimation, validation = parts.estimation, parts.validation
-    search = Search(estimation, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
+    search = Search(estimation, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress, each=each)
     excited = is_excited(cls, estimation, fixed or {})
     starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
     selection = Selection(search.nominal()) if inconclusive else select(search, effects)
     selection, predictions, dropped = validated(selection, validation)
-    final = replace(search, data=parts.usable).refit(selection.best) if validation.continued else selection.best
+    again = parts.usable is not estimation
+    final = replace(search, data=parts.usable).refit(selection.best) if again else selection.best
     values = estimates(final)
     changed = [] if inconclusive else significantly_changed(final, search.parameters)
-    odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
+    physical = [n for n in search.parameters if n not in cls.layout.start_parameters]
+    odd = implausible(values, [name for name in values if base_name(name) in physical])
     residuals = analyse_residuals(selection.best, estimation)
     before, after = predictions[0].errors, predictions[-1].errors
     notes = [

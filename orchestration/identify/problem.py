@@ -17,9 +17,8 @@ from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
-from orchestration.identify.delay import DelayedModel
 from orchestration.identify.noise import ORDER
-from orchestration.records.clock import evenly_sampled
+from orchestration.identify.runs import ModelOverRuns, Run, base_name, sampled_alike
 
 Array = NDArray[np.float64]
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
@@ -62,17 +61,20 @@ class Problem:
     inputs, measured : Mapping[str, ndarray]
         Inputs and measured outputs (n,), SI; NaN in an output is a gap.
     names : sequence of str
-        Parameters to search, start values of states included.
+        Parameters to search, start values of states included; one that is a run's own by the name it has there.
     fixed : Mapping[str, float]
         Values of others, and starting points of those to search.
     linear : bool
         Whether inputs go linearly from sample to sample; else each is held until the next.
     order : int
         Highest order of the autoregression that the noise of an output may be; 0 for white noise.
+    runs : sequence of Run
+        Of the record, with gaps in all outputs between them; a single one without a name unless given.
 
     Attributes
     ----------
     declared : dict of str to Declaration
+        Of every parameter, and of what is searched.
     start : dict of str to float
         Value of every parameter where the search starts.
     measured, present : dict of str to ndarray
@@ -94,16 +96,20 @@ class Problem:
     def __init__(
         self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
         names: Sequence[str], fixed: Mapping[str, float], linear: bool = False, order: int = ORDER,
+        runs: Sequence[Run] = (),
     ):  # fmt: skip
-        self.model = DelayedModel(cls, names, linear)
+        self.runs = tuple(runs) or (Run("", 0, len(time)),)
+        self.model = ModelOverRuns(cls, names, linear, self.runs)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
+        self.declared |= {name: self.declared[base_name(name)] for name in names}
         for name in names:
             if self.declared[name].type != "real":
                 raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
         self.time, self.inputs, self.names = time, inputs, list(names)
-        self.even = evenly_sampled(time)
+        self.even = sampled_alike(time, self.runs)
         self.order = order if self.even else 0
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
+        self.start |= {name: self.start[base_name(name)] for name in names if name not in fixed}
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
@@ -121,9 +127,8 @@ class Problem:
         """
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
-            trajectory = self.model.run(
-                self.time, self.inputs, self.start | self.values(q), effort=max(_EFFORT, _EFFORTS / len(self.time))
-            )
+            effort = max(_EFFORT, _EFFORTS / len(self.time))
+            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort, self.runs)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             residual = {o: (y - trajectory.signals[o])[self.present[o]] for o, y in self.measured.items()}
             jacobian = {o: -trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
@@ -179,7 +184,7 @@ class Problem:
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
         """Return which coordinates are delays, and how many samples long each is."""
-        delays = [i for i, name in enumerate(self.names) if name in self.model.delays.values()]
+        delays = [i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()]
         return [(i, self.scales[i].value(q[i]) / self._step) for i in delays]
 
     def _delay(self, i: int, samples: float) -> float:

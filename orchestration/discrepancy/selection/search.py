@@ -1,4 +1,4 @@
-"""Candidates fitted to one record: the model without effects, and with one more effect laid over it."""
+"""Candidates fitted to the estimation data: the model without effects, and with one more effect laid over it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from orchestration.discrepancy.note import Note
 from orchestration.identify.noise import Noise
 from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit
 from orchestration.identify.problem import Problem
+from orchestration.identify.runs import base_name, names_in
 
 Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more
@@ -25,7 +26,7 @@ _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit s
 
 @dataclass
 class Search:
-    """Fits of candidates to one record.
+    """Fits of candidates to one record, or to several with one set of parameters.
 
     Attributes
     ----------
@@ -38,6 +39,8 @@ class Search:
         Told what is being done.
     not_assessed : dict of str to Note
         Effects of which the record says nothing, or that could not be simulated over it.
+    each : sequence of str
+        Parameters that differ from run to run. Where states start does so anyway.
     """
 
     data: Dataset
@@ -46,6 +49,7 @@ class Search:
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
     not_assessed: dict[str, Note] = field(default_factory=dict)
+    each: Sequence[str] = ()
 
     def nominal(self, prior_std: float = PRIOR_STD) -> FittedCandidate:
         """Fit the model without effects."""
@@ -91,7 +95,11 @@ class Search:
     def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""
         data = self.data
-        return Problem(candidate.cls, data.time, data.inputs, data.measured, names, fixed, data.linear)
+        starts = (p.name for p in candidate.cls.layout.parameters if p.starts)
+        searched = names_in(data.runs, names, [*self.each, *starts])
+        return Problem(
+            candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear, runs=data.several
+        )
 
     def _problem(self, candidate: Candidate) -> Problem:
         return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
@@ -106,7 +114,7 @@ class Search:
     def _fit(
         self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
     ) -> FitResult:
-        physical = np.array([n in self.parameters and not problem.declared[n].starts for n in problem.names])
+        physical = np.array([base_name(n) in self.parameters and not problem.declared[n].starts for n in problem.names])
         fitted = fit(problem, q, noise, physical, prior_std)
         problem.forget()  # of many candidates few are looked at again
         return fitted
