@@ -88,8 +88,18 @@ class Result:
     notes: list[Note]
 
     @property
-    def name(self) -> str:
-        """Of the files that were fitted to."""
+    def record(self) -> Record:
+        """The first that was fitted to."""
+        return self.records[0]
+
+    @property
+    def holdout(self) -> Record | None:
+        """The first that was held out, if any was given."""
+        return self.holdouts[0] if self.holdouts else None
+
+    @property
+    def files(self) -> str:
+        """Names of the files that were fitted to."""
         return file_names(self.records)
 
 
@@ -188,7 +198,9 @@ def _data(
     data = joined_dataset({label: named[label] for label in fitted}, model, given, interpolate)
     if not judged:
         return data, None
-    return data, joined_dataset({label: named[label] for label in judged}, model, given, interpolate).only(data.measured)
+    return data, joined_dataset({label: named[label] for label in judged}, model, given, interpolate).only(
+        data.measured
+    )
 
 
 def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[Note]:

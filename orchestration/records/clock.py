@@ -154,7 +154,7 @@ def restarts(time: NDArray[np.float64]) -> list[int]:
     clock, first, found = time[at], 0, []
     for k in np.flatnonzero(np.diff(clock) < 0.0) + 1:
         stays = clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]  # else these are a few late rows
-        if stays and _restarts(clock[first:], k - first):
+        if stays and _restarts(clock[first:], int(k) - first):
             first = int(k)
             found.append(int(at[k]))
     return found

@@ -44,9 +44,13 @@ def run_marks(table: Table, column: str, mapping: Mapping[str, str]) -> list[str
         raise UserError(f"--runs {column}: this column is mapped to the signal {mapping[column]}")
     marks = [_label(cell) for cell in named[0].cells]
     if "" in marks:
-        raise refuse(table.path, f"row {table.rows[marks.index('')]}: no value in column '{column}', which tells the runs")
+        raise refuse(
+            table.path, f"row {table.rows[marks.index('')]}: no value in column '{column}', which tells the runs"
+        )
     if len(set(marks)) > MOST:
-        raise refuse(table.path, f"column '{column}' has {len(set(marks))} values; it may tell {MOST} runs apart at most")
+        raise refuse(
+            table.path, f"column '{column}' has {len(set(marks))} values; it may tell {MOST} runs apart at most"
+        )
     return marks
 
 
@@ -77,7 +81,7 @@ def divided_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
 
 def _parts(samples: Samples, members: Mapping[str, NDArray[np.bool_]]) -> list[tuple[str, Samples]]:
     """Runs by label; what is to be said of the whole file is said with the first."""
-    parts = []
+    parts: list[tuple[str, Samples]] = []
     for label, mask in members.items():
         part = Samples(samples.path, samples.time, samples.values, samples.rows, [] if parts else samples.repairs)
         part.keep(mask)

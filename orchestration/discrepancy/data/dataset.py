@@ -105,8 +105,8 @@ class Dataset:
         """Some of the samples, in their order; runs of which none is left are gone."""
         inputs, measured = self._picked(cut)
         kept = np.arange(len(self.time))[cut]
-        ends = [(run, *(int(k) for k in np.searchsorted(kept, [run.first, run.last]))) for run in self.several]
-        several = tuple(replace(run, first=a, last=b) for run, a, b in ends if b > a)
+        ends = [np.searchsorted(kept, [run.first, run.last]).tolist() for run in self.several]
+        several = tuple(replace(run, first=a, last=b) for run, (a, b) in zip(self.several, ends, strict=True) if b > a)
         return replace(self, time=self.time[cut], inputs=inputs, measured=measured, several=several)
 
     def _picked(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> list[dict[str, Array]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -10,6 +12,8 @@ from fmus.kit.units import shown
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.report.run_errors import RunError, run_errors
+from orchestration.identify.runs import shown_name
 from orchestration.reporting.console import plain_table
 
 _REJECTED = 5  # effects that were tried in vain, of which the evidence is shown
@@ -28,6 +32,8 @@ def overview(result: Result) -> Group:
     for output, before in errors.before.items():
         rows.add_row(output, f"{before:.4g}", f"{errors.after[output]:.4g}")
     parts += [rows, Text()]
+    if runs := run_errors(result):
+        parts += [_runs(runs), Text()]
     if diagnosis.selection.steps or diagnosis.selection.rejected:
         parts += [_evidence(diagnosis), Text()]
     parts.append(_parameters(diagnosis))
@@ -36,9 +42,18 @@ def overview(result: Result) -> Group:
     return Group(*parts)
 
 
+def _runs(runs: Sequence[RunError]) -> Table:
+    """How far off the best model is in every record."""
+    rows = plain_table("error by record, rms over the spread of the signal", "record", "", "output", "error")
+    for run in runs:
+        for output, error in run.nrmse.items():
+            rows.add_row(run.label, "held out" if run.held_out else "fitted", output, f"{error:.4g}")
+    return rows
+
+
 def _changes(diagnosis: Diagnosis) -> list[str]:
     """By how much parameters differ from nominal."""
-    declared, lines = diagnosis.selection.best.problem.declared, []
+    declared, lines = diagnosis.final.problem.declared, []
     for name in diagnosis.changed:
         e, p = diagnosis.estimates[name], declared[name]
         times = f", times {e.value / e.nominal:.3g}" if e.nominal else ""
@@ -59,10 +74,10 @@ def _evidence(diagnosis: Diagnosis) -> Table:
 
 
 def _parameters(diagnosis: Diagnosis) -> Table:
-    declared = diagnosis.selection.best.problem.declared
+    declared = diagnosis.final.problem.declared
     rows = plain_table("parameters", "name", "value", "95 % interval", "nominal")
     for name, e in diagnosis.estimates.items():
         p = declared[name]
         interval = " … ".join(shown(end, p) for end in e.interval)
-        rows.add_row(name, shown(e.value, p), interval, shown(e.nominal, p))
+        rows.add_row(shown_name(name), shown(e.value, p), interval, shown(e.nominal, p))
     return rows
