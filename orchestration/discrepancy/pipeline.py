@@ -112,7 +112,7 @@ def file_names(records: Sequence[Record]) -> str:
 def diagnose(
     record: Record | Sequence[Record],
     model: Model,
-    holdout: Record | Sequence[Record] = (),
+    holdout: Record | Sequence[Record] | None = None,
     options: Options | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Result:
@@ -170,8 +170,8 @@ def diagnose(
     return Result(records, holdouts, model, effects, diagnosis, component, gain, experiment, notes)
 
 
-def _listed(records: Record | Sequence[Record]) -> list[Record]:
-    return [records] if isinstance(records, Record) else list(records)
+def _listed(records: Record | Sequence[Record] | None) -> list[Record]:
+    return [records] if isinstance(records, Record) else list(records or ())
 
 
 def _check_names(options: Options, model: Model) -> None:
