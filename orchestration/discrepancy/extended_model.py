@@ -229,7 +229,6 @@ def _run(path: Path, cls: type[Component], values: Mapping[str, float], data: Da
         here = run.values(values)
         with Fmu(path, {p.name: _allowed(here[p.name], p) for p in cls.layout.parameters}) as fmu:
             fmu.start(float(part.time[0]))
-            parts.append(simulate_instance(
-                fmu, part.time, part.inputs, list(data.measured), linear=part.inputs if part.linear else ()
-            ))  # fmt: skip
+            moving = part.inputs if data.linear is True else data.linear or ()
+            parts.append(simulate_instance(fmu, part.time, part.inputs, list(data.measured), linear=moving))
     return {o: joined(len(data.time), data.runs, [part[o] for part in parts]) for o in data.measured}

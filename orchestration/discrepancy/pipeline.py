@@ -38,8 +38,8 @@ class Options:
         Parameters that are known and not fitted.
     each : sequence of str
         Parameters that differ from record to record.
-    interpolate : bool
-        Whether inputs go linearly between samples; else each is held.
+    interpolate : bool, optional
+        Whether inputs go linearly between samples, or are held; None leaves it to the record.
     limits : Mapping of str to tuple of float, optional
         Of the rig by input, SI, within which an experiment is designed.
     highest_frequency : float
@@ -50,7 +50,7 @@ class Options:
     effects: Sequence[str] | None = None
     hold: Sequence[str] = ()
     each: Sequence[str] = ()
-    interpolate: bool = False
+    interpolate: bool | None = None
     limits: Limits | None = None
     highest_frequency: float = np.inf
 
@@ -198,9 +198,8 @@ def _data(
     data = joined_dataset({label: named[label] for label in fitted}, model, given, interpolate)
     if not judged:
         return data, None
-    return data, joined_dataset({label: named[label] for label in judged}, model, given, interpolate).only(
-        data.measured
-    )
+    others = joined_dataset({label: named[label] for label in judged}, model, given, interpolate)
+    return data, others.only(data.measured)
 
 
 def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[Note]:

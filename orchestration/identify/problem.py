@@ -7,7 +7,7 @@ Parameters that are positive by nature are searched in their logarithm, others i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,8 +64,8 @@ class Problem:
         Parameters to search, start values of states included; one that is a run's own by the name it has there.
     fixed : Mapping[str, float]
         Values of others, and starting points of those to search.
-    linear : bool
-        Whether inputs go linearly from sample to sample; else each is held until the next.
+    linear : bool or collection of str
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
     order : int
         Highest order of the autoregression that the noise of an output may be; 0 for white noise.
     runs : sequence of Run
@@ -95,8 +95,8 @@ class Problem:
 
     def __init__(
         self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
-        names: Sequence[str], fixed: Mapping[str, float], linear: bool = False, order: int = ORDER,
-        runs: Sequence[Run] = (),
+        names: Sequence[str], fixed: Mapping[str, float], linear: bool | Collection[str] = False,
+        order: int = ORDER, runs: Sequence[Run] = (),
     ):  # fmt: skip
         self.runs = tuple(runs) or (Run("", 0, len(time)),)
         self.model = ModelOverRuns(cls, names, linear, self.runs)

@@ -7,7 +7,7 @@ whitens or draws sees one long record with gaps in it, and names; only what simu
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,8 +89,8 @@ class ModelOverRuns:
     cls : type[Component]
     names : sequence of str
         Parameters with respect to which derivatives are wanted, those of single runs among them.
-    linear : bool
-        Whether inputs go linearly from sample to sample; else each is held until the next.
+    linear : bool or collection of str
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
     runs : sequence of Run
         What the names are of. A stimulus without runs is simulated as the first of them.
 
@@ -101,7 +101,7 @@ class ModelOverRuns:
         Names of the delays of measurements by output.
     """
 
-    def __init__(self, cls: type[Component], names: Sequence[str], linear: bool, runs: Sequence[Run]):
+    def __init__(self, cls: type[Component], names: Sequence[str], linear: bool | Collection[str], runs: Sequence[Run]):
         self._names, self._runs = list(names), tuple(runs)
         self._plain = list(dict.fromkeys(map(base_name, names)))
         self._model = DelayedModel(cls, self._plain, linear)

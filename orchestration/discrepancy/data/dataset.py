@@ -25,8 +25,9 @@ class Dataset:
     time : ndarray, shape (n,)
     inputs, measured : Mapping of str to ndarray, shape (n,)
         NaN in an output is a gap.
-    linear : bool
-        Whether inputs go linearly from sample to sample; else each is held until the next.
+    linear : bool or collection of str, optional
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next. None leaves
+        it to the diagnosis.
     several : tuple of Run
         Where it is made of several records, one after the other with a gap between them; empty for one record.
     """
@@ -34,7 +35,7 @@ class Dataset:
     time: Array
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
-    linear: bool = False
+    linear: bool | Collection[str] | None = None
     several: tuple[Run, ...] = ()
 
     @classmethod

@@ -11,7 +11,7 @@ from orchestration.fmu.model import Model
 from orchestration.records import Record
 
 
-def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool = False) -> Dataset:
+def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None) -> Dataset:
     """Inputs and real outputs of a record; inputs that are absent are constant, as given or as they start.
 
     Parameters
@@ -20,8 +20,8 @@ def dataset(record: Record, model: Model, given: Mapping[str, float], interpolat
     model : Model
     given : Mapping of str to float
         Of inputs, SI.
-    interpolate : bool
-        Whether inputs go linearly between samples.
+    interpolate : bool, optional
+        Whether inputs go linearly between samples, or are held; None leaves it to the record.
     """
     own = {n: value for n, value in given.items() if n in model.inputs}
     constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | own
@@ -33,7 +33,7 @@ def dataset(record: Record, model: Model, given: Mapping[str, float], interpolat
 
 
 def joined_dataset(
-    records: Mapping[str, Record], model: Model, given: Mapping[str, float], interpolate: bool = False
+    records: Mapping[str, Record], model: Model, given: Mapping[str, float], interpolate: bool | None = None
 ) -> Dataset:
     """Return the same of several records, joined; by their labels.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,6 +44,13 @@ class DividedData:
     estimation: Dataset
     validation: ValidationData
     notes: list[Note]
+
+    def with_linear(self, linear: Collection[str]) -> DividedData:
+        """The same with other inputs going linearly between samples."""
+        usable, estimation, judged = (
+            replace(data, linear=linear) for data in (self.usable, self.estimation, self.validation.data)
+        )
+        return replace(self, usable=usable, estimation=estimation, validation=replace(self.validation, data=judged))
 
 
 def divided(
@@ -159,4 +166,6 @@ def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
 def _simulated(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> dict[str, Array]:
     """Outputs and states of a model as it comes."""
     values = {p.name: float(p.start) for p in cls.layout.parameters} | dict(fixed)
-    return ModelOverRuns(cls, (), data.linear, data.runs).run(data.time, data.inputs, values, runs=data.runs).signals
+    return (
+        ModelOverRuns(cls, (), data.linear or (), data.runs).run(data.time, data.inputs, values, runs=data.runs).signals
+    )

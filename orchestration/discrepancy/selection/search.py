@@ -98,7 +98,7 @@ class Search:
         starts = (p.name for p in candidate.cls.layout.parameters if p.starts)
         searched = names_in(data.runs, names, [*self.each, *starts])
         return Problem(
-            candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear, runs=data.several
+            candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
         )
 
     def _problem(self, candidate: Candidate) -> Problem:

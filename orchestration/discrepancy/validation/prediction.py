@@ -58,7 +58,7 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
         return values
     problem = Problem(
         model.candidate.cls, before.time, before.inputs, before.measured, names_in(before.runs, own, own), values,
-        before.linear, runs=before.several,
+        before.linear or (), runs=before.several,
     )  # fmt: skip
     low, high = problem.bounds()
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from orchestration.identify.problem import Problem
 from orchestration.identify.runs import ModelOverRuns, Run, base_name, names_in, sampled_alike, shown_name
-from tests.support.several import OCVS, STARTS, STEP, TRUE, Cell, several, voltage
+from tests.support.several import OCVS, STARTS, TRUE, Cell, several, voltage
 
 NAMES = ["R0", "tau1", *(f"ocv@{k}" for k in "abc"), *(f"relaxed_start@{k}" for k in "abc")]
 VALUES = TRUE | {"ocv": 0.0, "relaxed_start": 0.0} | {f"ocv@{k}": OCVS[k] for k in "abc"}
