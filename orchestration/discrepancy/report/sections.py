@@ -198,7 +198,7 @@ def residuals(made: Page, result: Result) -> None:
         texts += [line[:1].upper() + line[1:] + "." for line in dependences]
         made.parts.append(f"<h3>{escaped(output)}</h3>")
         made.items(texts)
-        if not best.problem.even:
+        if not diagnosis.estimation.even:
             made.text("Sampling is uneven, so there is no spectrum and no autocorrelation to show.")
             continue
         unit, lines = (signal.unit, unit_of_differences(signal)), [line.frequency for line in analysis.lines[:_LISTED]]

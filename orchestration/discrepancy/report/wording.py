@@ -120,11 +120,13 @@ def _fact(name: str, value: Any) -> Any:
     if name == "shares":
         return ", ".join(f"{effect} ({100.0 * share:.0f} %)" for effect, share in value.items())
     if name == "course":
-        return {"linear": "go in straight lines", "held": "be held"}[value]
+        return {"linear": "go in straight lines", "held": "be held"}.get(value, value)
     if name == "basis":
-        return {"course": "as it moves", "fit": "as the outputs tell", "default": "as nothing tells otherwise"}[value]
+        return {"course": "as it moves", "fit": "as the outputs tell", "default": "as nothing tells otherwise"}.get(
+            value, value
+        )
     if name == "margin":
-        return "" if value is None else f" (BIC {'falls' if value > 0 else 'rises'} by {abs(value):.3g})"
+        return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
     if name in ("share", "usable"):
         return f"{100.0 * value:.2g} %"
     return ",".join(value) if isinstance(value, tuple) else value

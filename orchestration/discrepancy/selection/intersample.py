@@ -170,7 +170,11 @@ def remarks(chosen: dict[str, Intersample]) -> list[Note]:
     """What is to be said of choices: where an input is not simply held, and where a parameter hangs on it."""
     notes = []
     for name, choice in chosen.items():
-        facts = {"course": "linear" if choice.linear else "held", "basis": str(choice.basis), "margin": choice.margin}
+        facts = {
+            "course": "linear" if choice.linear else "held",
+            "basis": str(choice.basis),
+            "margin": choice.margin or 0.0,
+        }
         if choice.hangs:
             notes.append(
                 Note(NoteCode.INTERSAMPLE_OPEN, name, facts | {"parameter": choice.hangs, "factor": choice.factor})
