@@ -8,6 +8,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.run_errors import run_errors
+from orchestration.discrepancy.validation.side_by_side import Errors
 from orchestration.identify.metrics import number
 
 
@@ -30,6 +31,10 @@ def summary(result: Result) -> dict[str, Any]:
             "holdout_nrmse_before": {o: number(e) for o, e in errors.before.items()},
             "holdout_nrmse_after": {o: number(e) for o, e in errors.after.items()},
             "residual_white_after": all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values()),
+        },
+        "errors": {
+            "estimation": _numbers(diagnosis.fitted_errors),
+            "validation": _numbers(diagnosis.judged_errors),
         },
         "inputs": {
             name: {
@@ -54,6 +59,10 @@ def summary(result: Result) -> dict[str, Any]:
     if runs := run_errors(result):
         figures["runs"] = [run.to_dict() for run in runs]
     return figures | ({"experiment": result.experiment.as_json()} if result.experiment else {})
+
+
+def _numbers(errors: Errors) -> dict[str, dict[str, float | None]]:
+    return {model: {o: number(e) for o, e in of.items()} for model, of in errors.items()}
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:

@@ -93,7 +93,7 @@ def _analyse(model: FittedCandidate, output: str, data: Dataset, signals: list[R
     lines: list[SpectralLine] = []
     shifts: list[LevelShift] = []
     if even:  # else samples say nothing of frequencies, nor of what is sudden
-        a, b = max(segments(present, 0), key=lambda ends: ends[1] - ends[0])
+        a, b = max(segments(present), key=lambda ends: ends[1] - ends[0])
         lines = spectral_lines(residual[a:b], step, data.measured[output][present][a:b])
         inputs = {name: values[present] for name, values in data.inputs.items()}
         shifts = level_shifts(residual, data.time[present], inputs)
@@ -101,7 +101,7 @@ def _analyse(model: FittedCandidate, output: str, data: Dataset, signals: list[R
         lines,
         shifts,
         whiteness(innovation),
-        excess_variance_at_input_steps(innovation, noise.kept(present), data.inputs),
+        excess_variance_at_input_steps(innovation, np.flatnonzero(present), data.inputs),
         _random_walk(residual, present, data),
         operating_regions(output, residual, present, signals),
         cross_correlations(output, residual, present, noise, signals, step, within=data.within),

@@ -81,7 +81,7 @@ def cross_correlations(
     list of Association
         The strongest first.
     """
-    n, kept = present.size, noise.kept(present)
+    n, kept = present.size, np.flatnonzero(present)
     within = np.ones(n, dtype=bool) if within is None else within
     max_lag = min(lags, n // 20)
     if kept.size < FEWEST or max_lag < 1:
@@ -93,7 +93,7 @@ def cross_correlations(
     result = []
     for signal in signals:
         filtered, white = noise.whiten(signal.values[within], within), np.zeros(n)
-        white[noise.kept(within)] = filtered - filtered.mean()
+        white[within] = filtered - filtered.mean()
         # sums over the samples at which there are both, for every shift
         together = np.array([_overlap(innovation, white, int(k)) for k in shifts])
         energy = np.array([_overlap(seen, white**2, int(k)) for k in shifts])
