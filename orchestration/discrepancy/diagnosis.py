@@ -25,7 +25,6 @@ from orchestration.discrepancy.validation.estimates import estimates, implausibl
 from orchestration.discrepancy.validation.prediction import Prediction, validated
 from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
 from orchestration.identify.estimate import Estimate
-from orchestration.identify.runs import base_name
 
 DEGRADED = 1.1  # times the error before, above which it has grown
 # Share of the structure in a residual that may be left beside a cause, which never has quite the catalogue's form.
@@ -168,11 +167,10 @@ def diagnose(
     selection = Selection(base) if inconclusive else select(search, effects, base)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
     whole = replace(search, data=parts.usable)
-    final = whole.trusted(whole.refit(selection.best)) if parts.usable is not estimation else selection.best
+    final = whole.trusted(whole.refit(selection.best)) if holdout is None else selection.best
     values = estimates(final)
     changed = [] if inconclusive else significantly_changed(final, search.parameters)
-    physical = [n for n in search.parameters if n not in cls.layout.start_parameters]
-    odd = implausible(values, [name for name in values if base_name(name) in physical])
+    odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
     residuals = analyse_residuals(selection.best, estimation)
     before, after = predictions[0].errors, predictions[-1].errors
     errors = errors_side_by_side(selection.base, selection.best, validation)
@@ -190,20 +188,9 @@ def diagnose(
     else:
         verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed)
     return Diagnosis(
-        verdict,
-        selection,
-        values,
-        changed,
-        residuals,
-        before,
-        after,
-        *errors,
-        estimation,
-        validation,
-        final,
-        notes,
+        verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
         chosen,
-    )
+    )  # fmt: skip
 
 
 def _trusted(search: Search, selection: Selection) -> Selection:

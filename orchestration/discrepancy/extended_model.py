@@ -22,7 +22,7 @@ from orchestration.discrepancy.validation.prediction import parameters_on
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
 from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, whiteness
-from orchestration.identify.runs import joined
+from orchestration.records.joined import joined
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,10 @@ from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
+from fmus.kit.record.compiled import Trajectory
+from orchestration.identify.delay import DelayedModel
 from orchestration.identify.noise import ORDER
-from orchestration.identify.runs import ModelOverRuns, Run, base_name, sampled_alike
+from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
 Array = NDArray[np.float64]
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
@@ -50,6 +52,87 @@ class Scale:
     def slope(self, q: float) -> float:
         """Return d value / d q."""
         return float(np.exp(q)) if self.logarithmic else self.size
+
+
+class ModelOverRuns:
+    """A compiled component that starts anew in every run, with the values that are that run's own.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    names : sequence of str
+        Parameters with respect to which derivatives are wanted, those of single runs among them.
+    linear : bool or collection of str
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
+    runs : sequence of Run
+        What the names are of. A stimulus without runs is simulated as the first of them.
+
+    Attributes
+    ----------
+    layout : Layout
+    delays : dict of str to str
+        Names of the delays of measurements by output.
+    """
+
+    def __init__(self, cls: type[Component], names: Sequence[str], linear: bool | Collection[str], runs: Sequence[Run]):
+        self._names, self._runs = list(names), tuple(runs)
+        self._plain = list(dict.fromkeys(map(base_name, names)))
+        self._model = DelayedModel(cls, self._plain, linear)
+        self.layout, self.delays = self._model.layout, self._model.delays
+
+    def run(
+        self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 1e6,
+        runs: Sequence[Run] = (),
+    ) -> Trajectory:  # fmt: skip
+        """Simulate one run after the other.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        inputs : Mapping of str to ndarray, shape (n,)
+            SI.
+        parameters : Mapping of str to float
+            SI, by names of all runs and of single ones.
+        effort : float
+            Internal steps per sample, beyond which the model has become too stiff.
+        runs : sequence of Run
+            They may be others than those that were fitted: nothing in them hangs on the values of single runs fitted.
+
+        Returns
+        -------
+        Trajectory
+            Between two runs the first values of the second one; there the derivatives are zero.
+
+        Raises
+        ------
+        UserError
+            If the simulation fails.
+        """
+        chosen = runs or [Run(self._runs[0].label, 0, len(time))]
+        done = [self._one(run, time, inputs, parameters, effort) for run in chosen]
+        if len(chosen) == 1 and chosen[0].last - chosen[0].first == len(time):
+            return done[0]
+        signals = {name: joined(len(time), chosen, [t.signals[name] for t in done]) for name in done[0].signals}
+        slopes = {name: np.zeros((len(time), len(self._names))) for name in done[0].sensitivities}
+        for name, matrix in slopes.items():
+            for run, trajectory in zip(chosen, done, strict=True):
+                matrix[run.samples] = trajectory.sensitivities[name]
+        return Trajectory(signals, slopes)
+
+    def _one(
+        self, run: Run, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float
+    ) -> Trajectory:
+        """Simulate one run by its own clock."""
+        fed = {name: np.broadcast_to(values, len(time))[run.samples] for name, values in inputs.items()}
+        ran = self._model.run(time[run.samples] - run.ahead, fed, run.values(parameters), effort)
+        if self._names == self._plain:
+            return ran
+        # what is another run's own does nothing here, and what is this run's own does it instead of the common value
+        bases, own = [base_name(name) for name in self._names], {*self._names}
+        acting = [name == (run.own(b) if run.own(b) in own else b) for name, b in zip(self._names, bases, strict=True)]
+        places = [self._plain.index(b) for b in bases]
+        return Trajectory(ran.signals, {name: s[:, places] * acting for name, s in ran.sensitivities.items()})
 
 
 class Problem:

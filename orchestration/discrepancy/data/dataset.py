@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.identify.runs import Run, joined, sampled_alike
+from orchestration.records.joined import Run, joined, sampled_alike
 
 Array = NDArray[np.float64]
 # Samples between two runs at which nothing was measured: more than any filter remembers, and than the lags at which a

@@ -15,7 +15,7 @@ from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.data.quality import assess
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.noise import ORDER, noise_std, segments
-from orchestration.identify.runs import ModelOverRuns
+from orchestration.identify.problem import ModelOverRuns
 
 Array = NDArray[np.float64]
 _SHORTEST = 150  # samples to fit to

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import elements, figures, sections, typography, wording
 from orchestration.discrepancy.report.evidence_table import evidence
-from orchestration.identify.runs import base_name
 from orchestration.records import Record
+from orchestration.records.joined import base_name
 from orchestration.reporting.page import Markup, Page, escaped
 
 

@@ -20,7 +20,7 @@ from orchestration.discrepancy.report import elements, figures, typography, word
 from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED, ShownModel
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.identify.metrics import normalised_rms, rms
-from orchestration.identify.runs import base_name, shown_name
+from orchestration.records.joined import base_name, shown_name
 from orchestration.reporting.page import Markup, Page, escaped
 
 Array = NDArray[np.float64]

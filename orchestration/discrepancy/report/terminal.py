@@ -13,7 +13,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.run_errors import RunError, run_errors
-from orchestration.identify.runs import shown_name
+from orchestration.records.joined import shown_name
 from orchestration.reporting.console import plain_table
 
 MODELS = {"untouched": "untouched", "least_squares": "least squares", "refitted": "refitted", "extended": "extended"}

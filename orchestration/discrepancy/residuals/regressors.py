@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.identify.runs import joined
+from orchestration.records.joined import joined
 
 Array = NDArray[np.float64]
 _CONSTANT = 1e-9  # of a signal's size; what varies less does not vary

@@ -16,7 +16,7 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.intersample import Course, course
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.runs import ModelOverRuns
+from orchestration.identify.problem import ModelOverRuns
 
 CLEAR = 10.0  # fall of BIC that overrules the course of an input: very strong evidence (Kass and Raftery 1995)
 # Half a sample of an unknown lag looks a little like the other choice. Then a record asks for another amount of it

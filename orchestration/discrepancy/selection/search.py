@@ -17,8 +17,8 @@ from orchestration.discrepancy.note import Note
 from orchestration.identify.noise import Noise
 from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
-from orchestration.identify.runs import base_name, names_in
 from orchestration.identify.simulation_error import error_scales, pooled_error, starting_points
+from orchestration.records.joined import base_name, names_in
 
 Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more

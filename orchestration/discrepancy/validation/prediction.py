@@ -15,7 +15,7 @@ from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.noise import Noise
 from orchestration.identify.problem import Problem
-from orchestration.identify.runs import base_name, names_in
+from orchestration.records.joined import base_name, names_in
 
 Array = NDArray[np.float64]
 

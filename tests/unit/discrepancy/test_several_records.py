@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
-from orchestration.identify.runs import base_name
+from orchestration.records.joined import base_name
 from tests.support.several import OCVS, STARTS, TRUE, Cell, measured, several
 
 SHARED = ("R0", "R1", "tau1")

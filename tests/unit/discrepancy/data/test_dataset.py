@@ -66,7 +66,7 @@ def test_no_stretch_without_gaps_reaches_from_one_record_into_the_next(given_rec
     whole = Dataset.joined(given_records)
     present = np.isfinite(whole.measured["y"])
     at = np.flatnonzero(present)
-    for first, last in segments(present, 0):
+    for first, last in segments(present):
         assert any(run.first <= at[first] and at[last - 1] < run.last for run in whole.runs)
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestration.identify.problem import Problem
-from orchestration.identify.runs import ModelOverRuns, Run, base_name, names_in, sampled_alike, shown_name
+from orchestration.identify.problem import ModelOverRuns, Problem
+from orchestration.records.joined import Run, base_name, names_in, sampled_alike, shown_name
 from tests.support.several import OCVS, STARTS, TRUE, Cell, several, voltage
 
 NAMES = ["R0", "tau1", *(f"ocv@{k}" for k in "abc"), *(f"relaxed_start@{k}" for k in "abc")]
