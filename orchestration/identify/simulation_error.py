@@ -53,7 +53,7 @@ def pooled_error(
 
 
 def starting_points(problem: Problem) -> list[Array]:
-    """Nominal parameters, and others within a decade, spread evenly; where states start stays, and what is a run's own."""
+    """Nominal parameters, and others within a decade, spread evenly; starts of states stay, and what is a run's own."""
     nominal = problem.inside(problem.position(problem.start))
     moved = np.array([not problem.declared[name].starts and base_name(name) == name for name in problem.names])
     if not moved.any():
