@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
@@ -19,7 +20,7 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, analyse_residuals
 from orchestration.discrepancy.selection import intersample
 from orchestration.discrepancy.selection.intersample import Intersample
-from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
@@ -118,6 +119,7 @@ def diagnose(
     progress: Callable[[str], None] = lambda text: None,
     holdout: Dataset | None = None,
     held: Sequence[str] = (),
+    budget: Budget | None = None,
     each: Sequence[str] = (),
 ) -> Diagnosis:
     """Tell what a model gets wrong on a record, or on several with one set of parameters.
@@ -138,6 +140,9 @@ def diagnose(
     held : sequence of str
         Parameters that are known, and keep their values. Where no input moves, a record can be judged only if every
         start value is among them.
+    budget : Budget, optional
+        Time that it may take; without limit unless given. When it is spent, what was found by then is judged, and a
+        note says so.
     each : sequence of str
         Parameters that differ from run to run: where they are is no change.
 
@@ -154,8 +159,8 @@ def diagnose(
     data = replace(data, linear=intersample.linear(chosen))
     holdout = replace(holdout, linear=data.linear) if holdout is not None else None
     parts = divided(cls, data, holdout, fixed or {}, bool(each))
-    free = [name for name in searched(cls) if name not in held]
-    search = Search(parts.estimation, cls, free, fixed or {}, progress, each=each)
+    names = [n for n in searched(cls) if n not in held]
+    search = Search(parts.estimation, cls, names, fixed or {}, progress, budget or Budget(), each=each)
     excited = is_excited(cls, parts.estimation, fixed or {})
     starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
@@ -166,8 +171,7 @@ def diagnose(
     estimation, validation = parts.estimation, parts.validation
     selection = Selection(base) if inconclusive else select(search, effects, base)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
-    whole = replace(search, data=parts.usable)
-    final = whole.trusted(whole.refit(selection.best)) if holdout is None else selection.best
+    final, failed = _refitted(replace(search, data=parts.usable), selection.best, holdout is None)
     values = estimates(final)
     changed = [] if inconclusive else significantly_changed(final, search.parameters)
     odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
@@ -178,10 +182,12 @@ def diagnose(
         *_excitation_notes(parts.notes, estimation, excited, starts),
         *intersample.remarks(chosen),
         *dropped,
+        *failed,
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
         *_confounders(selection),
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
+        *search.budget.notes,
     ]
     if inconclusive:
         verdict = Verdict.AMBIGUOUS
@@ -191,6 +197,16 @@ def diagnose(
         verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
         chosen,
     )  # fmt: skip
+
+
+def _refitted(search: Search, best: FittedCandidate, again: bool) -> tuple[FittedCandidate, list[Note]]:
+    """Fit what was found to all that was measured; if that fails, it stands as it was fitted to the first part."""
+    if not again:
+        return best, []
+    try:
+        return search.trusted(search.refit(best)), []
+    except FAILURES as error:
+        return best, [Note(NoteCode.NOT_REFITTED, "", {"reason": str(error)})]
 
 
 def _trusted(search: Search, selection: Selection) -> Selection:

@@ -20,6 +20,7 @@ from orchestration.cli.options import (
     complete_effects,
     option,
     platform_list,
+    seconds,
 )
 from orchestration.cli.outputs import standard_output_for
 
@@ -72,6 +73,15 @@ Holdout = Annotated[
         help="A record to judge by, or labels such as 7,8,9 of some of several; default the last third. Repeatable.",
     ),
 ]
+Time = Annotated[
+    float | None,
+    option(
+        "--time", metavar="TIME",
+        help="For the search, e.g. 60s, 5min or inf; then the best answer so far. Default 60 s for 60,000 samples or "
+        "less, and in proportion beyond.",
+        parser=seconds,
+    ),
+]  # fmt: skip
 Report = Annotated[Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")]
 Fmu = Annotated[
     Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
@@ -97,6 +107,7 @@ def diagnose(
     runs: Runs = None,
     each: Each = None,
     holdout: Holdout = None,
+    time: Time = None,
     result: Json = None,
     report: Report = None,
     fmu: Fmu = None,
@@ -117,6 +128,7 @@ def diagnose(
             "--runs": runs,
             "--each": each,
             "--holdout": holdout,
+            "--time": time,
             "--report": report,
             "--fmu": fmu,
             "--platforms": platforms,
@@ -134,5 +146,5 @@ def diagnose(
     with standard_output_for(result):
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold), interpolate, comma_list(laid_over), runs, comma_list(each),
+            comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each),
         )  # fmt: skip

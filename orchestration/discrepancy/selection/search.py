@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates.candidate import Candidate, own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScreenedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
@@ -22,6 +23,8 @@ from orchestration.records.joined import base_name, names_in
 
 Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more
+# What may come of one fit of many; the others stand.
+FAILURES = UserError, ArithmeticError, np.linalg.LinAlgError
 # Times the least error of the nominal model's free run, which no noise model may take a fit beyond. Fits to slow noise
 # of few independent samples are that far above the least, which follows the noise itself.
 STRAYED = 1.25
@@ -41,6 +44,8 @@ class Search:
     fixed : Mapping of str to float
     progress : callable
         Told what is being done.
+    budget : Budget
+        Time that the search may take.
     not_assessed : dict of str to Note
         Effects of which the record says nothing, or that could not be simulated over it.
     each : sequence of str
@@ -54,6 +59,7 @@ class Search:
     parameters: Sequence[str]
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
+    budget: Budget = field(default_factory=Budget)
     not_assessed: dict[str, Note] = field(default_factory=dict)
     each: Sequence[str] = ()
     farthest: float = np.inf
@@ -84,7 +90,6 @@ class Search:
         """Fit a model with one more effect."""
         below = screened.below
         candidate = below.candidate.with_effect(screened.effect)
-        self.progress(f"fitting {candidate.name}")
         problem = self._problem(candidate)
         beside = below.problem.values(below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE))
         q = problem.position(problem.start | beside | screened.start)
@@ -94,6 +99,8 @@ class Search:
         """Fit once more from beside the optimum: a kink or a time constant has several; and not at rest."""
         candidate, effect = fitted.candidate, fitted.effect
         best = fitted
+        if self.budget.spent():
+            return best
         for name in own_parameters(effect)[1:]:
             for factor in _BESIDE:
                 start = fitted.problem.start | fitted.fit.values
@@ -120,9 +127,11 @@ class Search:
         data = self.data
         starts = (p.name for p in candidate.cls.layout.parameters if p.starts)
         searched = names_in(data.runs, names, [*self.each, *starts])
-        return Problem(
+        made = Problem(
             candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
         )
+        made.out_of_time = self.budget.spent
+        return made
 
     def _problem(self, candidate: Candidate) -> Problem:
         return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
@@ -131,7 +140,7 @@ class Search:
         problem = self._problem(candidate)
         try:
             return FittedCandidate(candidate, problem, self._fit(problem, problem.position(start), fitted.fit.noise))
-        except UserError:
+        except FAILURES:
             return fitted
 
     def _fit(
