@@ -157,7 +157,7 @@ def diagnose(
         raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
     effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
     fixed = {n: value for n, value in chosen.given.items() if n in model.parameters}
-    samples = int(data.within.sum())
+    samples = sum(one.time.size for one in records)
     budget = Budget(default_time(samples) if chosen.time is None else chosen.time)
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
     absent = [_absent(model, one, chosen.given) for one in (*records, *holdouts)]
