@@ -139,7 +139,9 @@ class Search:
     def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
         problem = self._problem(candidate)
         try:
-            return FittedCandidate(candidate, problem, self._fit(problem, problem.position(start), fitted.fit.noise))
+            return FittedCandidate(
+                candidate, problem, self._fit(problem, problem.position(problem.start | start), fitted.fit.noise)
+            )
         except FAILURES:
             return fitted
 
