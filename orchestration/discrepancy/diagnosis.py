@@ -206,10 +206,9 @@ def diagnose(
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
         *search.budget.notes,
     ]
+    verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed, excused)
     if inconclusive:
         verdict = Verdict.AMBIGUOUS
-    else:
-        verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed, excused)
     return Diagnosis(
         verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
         chosen, excused,

@@ -138,10 +138,9 @@ class Search:
 
     def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
         problem = self._problem(candidate)
+        q = problem.position(problem.start | dict(start))
         try:
-            return FittedCandidate(
-                candidate, problem, self._fit(problem, problem.position(problem.start | start), fitted.fit.noise)
-            )
+            return FittedCandidate(candidate, problem, self._fit(problem, q, fitted.fit.noise))
         except FAILURES:
             return fitted
 
