@@ -25,6 +25,7 @@ from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
+from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
 from orchestration.identify.estimate import Estimate
 
@@ -182,7 +183,8 @@ def diagnose(
     more = noise.spread_of(final.problem.names)
     values = estimates(final, more)
     changed = [] if inconclusive else significantly_changed(final, search.parameters, more)
-    odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
+    physical = [name for name in search.parameters if name not in cls.layout.start_parameters]
+    odd = implausible(values, physical)
     residuals = analyse_residuals(selection.best, estimation)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
     before, after = predictions[0].errors, predictions[-1].errors
@@ -194,6 +196,7 @@ def diagnose(
         *by_noise,
         *dropped,
         *failed,
+        *([] if inconclusive else reservations(final, physical)),
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
         *_confounders(selection),

@@ -47,6 +47,11 @@ class NoteCode(StrEnum):
     INPUT_NOISE_DOES_THE_SAME = "input_noise_does_the_same"
     CONFOUNDED = "confounded"
     # results
+    UNDETERMINED = "undetermined"
+    DETERMINED_TOGETHER = "determined_together"
+    AT_BOUND = "at_bound"
+    NOT_CONVERGED = "not_converged"
+    NOT_MOVED = "not_moved"
     IMPLAUSIBLE = "implausible"
     NO_GAIN = "no_gain"
     FMU_FAILED = "fmu_failed"
