@@ -90,7 +90,7 @@ class DiagnosisResult:
     verdict : str
         ``consistent``, ``recalibrate``, ``cause``, ``ambiguous`` or ``unexplained``.
     sentence : str
-        The verdict in words.
+        The verdict in words, with what must be known to read it.
     causes, alternatives : list of str
         Effects that were named, and those that this record cannot tell from them.
     parameters : dict of str to Estimate
@@ -114,7 +114,7 @@ class DiagnosisResult:
         errors = result.gain or diagnosis
         steps = diagnosis.selection.steps
         self.verdict: Verdict = diagnosis.verdict
-        self.sentence: str = wording.sentence(diagnosis)
+        self.sentence: str = wording.headline(result)
         self.causes: list[str] = diagnosis.causes
         self.alternatives: list[str] = [e.effect_name for step in steps for e in step.alternatives]
         self.parameters: dict[str, Estimate] = diagnosis.estimates

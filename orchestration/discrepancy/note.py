@@ -29,6 +29,7 @@ class NoteCode(StrEnum):
     # how far the data reach
     INTERSAMPLE = "intersample"
     INTERSAMPLE_OPEN = "intersample_open"
+    INPUT_NOISE = "input_noise"
     CONSTANT_INPUT = "constant_input"
     NO_EXCITATION = "no_excitation"
     EXCITATION_BELOW_NOISE = "excitation_below_noise"
@@ -43,8 +44,14 @@ class NoteCode(StrEnum):
     UNIDENTIFIABLE = "unidentifiable"
     NOT_SIMULATED = "not_simulated"
     NOT_VALIDATED = "not_validated"
+    INPUT_NOISE_DOES_THE_SAME = "input_noise_does_the_same"
     CONFOUNDED = "confounded"
     # results
+    UNDETERMINED = "undetermined"
+    DETERMINED_TOGETHER = "determined_together"
+    AT_BOUND = "at_bound"
+    NOT_CONVERGED = "not_converged"
+    NOT_MOVED = "not_moved"
     IMPLAUSIBLE = "implausible"
     NO_GAIN = "no_gain"
     FMU_FAILED = "fmu_failed"

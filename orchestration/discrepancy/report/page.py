@@ -33,7 +33,7 @@ def page(result: Result, command: str) -> Page:
     diagnosis = result.diagnosis
     more = "".join(f'<span class="detail">{line}</span>' for line in typography.details(diagnosis))
     chip = elements.chip(diagnosis.verdict, diagnosis.verdict)
-    verdict = Markup(f"{chip} {escaped(wording.sentence(diagnosis))}{more}")
+    verdict = Markup(f"{chip} {escaped(wording.headline(result))}{more}")
     made = Page(f"{result.model.name} against {result.record.source.name}", verdict, elements.STYLE)
     models, simulated = sections.shown_models(result)
     _summary(made, result)

@@ -19,6 +19,7 @@ def summary(result: Result) -> dict[str, Any]:
     diagnosis, errors = result.diagnosis, result.gain or result.diagnosis
     figures = {
         "verdict": str(diagnosis.verdict),
+        "headline": wording.headline(result),
         "baseline": {
             "holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in diagnosis.before.items()},
         },

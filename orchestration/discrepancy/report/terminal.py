@@ -20,8 +20,8 @@ def overview(result: Result) -> Group:
     """Return what ``ppy diagnose`` prints."""
     diagnosis = result.diagnosis
     parts: list[RenderableType] = [
-        Text.assemble((diagnosis.verdict, "bold"), "  ", wording.sentence(diagnosis)),
-        *(Text(wording.message(note)) for note in result.notes),
+        Text.assemble((diagnosis.verdict, "bold"), "  ", wording.headline(result)),
+        *(Text(wording.message(note)) for note in result.notes if note.code not in wording.IN_HEADLINE),
         *(Text(line) for line in _changes(diagnosis)),
         Text(),
     ]

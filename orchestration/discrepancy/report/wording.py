@@ -8,6 +8,7 @@ from typing import Any
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.residuals.analysis import Structure
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
 from orchestration.discrepancy.residuals.jumps import ExcessVariance
@@ -23,6 +24,10 @@ _VERDICTS = {
     Verdict.UNEXPLAINED: "{beside} is left that nothing in the catalogue accounts for: {unexplained}.",
 }
 _LISTED = 5  # names of many
+IN_HEADLINE = (
+    NoteCode.ABSENT_INPUT, NoteCode.UNDETERMINED, NoteCode.DETERMINED_TOGETHER, NoteCode.AT_BOUND,
+    NoteCode.NOT_CONVERGED, NoteCode.NOT_MOVED,
+)  # fmt: skip
 _NOTES = {
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: "cut off at its {end} {level:.6g}, {times} times, {share} of the samples",
@@ -44,6 +49,9 @@ _NOTES = {
     NoteCode.INTERSAMPLE_OPEN:
         "taken to {course} between samples, {basis}, but the fits do not tell{margin}: the other way, {parameter} "
         "would be {factor:.4g} times as large; --interpolate or --no-interpolate forces it",
+    NoteCode.INPUT_NOISE:
+        "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive the outputs: "
+        "{parameter} comes out {bias} off by that, and evidence for effects counts only beyond what such noise makes",
     NoteCode.CONSTANT_INPUT:
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and effects that need "
         "them cannot be told apart",
@@ -63,7 +71,20 @@ _NOTES = {
     NoteCode.UNIDENTIFIABLE: "{subject} was not judged: on this record other parameters do the same",
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
     NoteCode.NOT_VALIDATED: "fits the estimation data better, but not the part held out, and is not claimed",
+    NoteCode.INPUT_NOISE_DOES_THE_SAME:
+        "not claimed: noise on {inputs} makes as much evidence by itself (BIC falls by {gain:.3g})",
     NoteCode.CONFOUNDED: "much of what it does, others would do: {shares}",
+    NoteCode.UNDETERMINED:
+        "the record does not determine {names}: hold what you know (--hold NAME), or move or record what tells of it",
+    NoteCode.DETERMINED_TOGETHER:
+        "{names} are determined together only, and each may be far off: hold one that you know (--hold NAME), or move "
+        "another input",
+    NoteCode.AT_BOUND:
+        "{names} ended at an end of what is allowed: look at units and signs, or hold it (--hold NAME)",
+    NoteCode.NOT_CONVERGED: "the refit did not settle: start it elsewhere (--set), or hold what you know (--hold NAME)",
+    NoteCode.NOT_MOVED:
+        "the refit found no better values than those it began with: start it elsewhere (--set), or look at units, "
+        "signs and columns",
     NoteCode.IMPLAUSIBLE: "out of all reason: {ratios}; look at units, signs and columns first",
     NoteCode.NO_GAIN:
         "no gain is claimed: with what was named the part held out is likelier, given how uncertain the parameters "
@@ -92,6 +113,15 @@ def sentence(diagnosis: Diagnosis) -> str:
     return f"{said} (The time was spent before all was tried.)" if hurried else said
 
 
+def headline(result: Result) -> str:
+    """The verdict, and what must be known to read it: inputs that are missing, parameters that are not determined."""
+    told = [note for note in result.notes if note.code in IN_HEADLINE]
+    if result.diagnosis.verdict is not Verdict.UNEXPLAINED:  # of which it is the reason
+        told += [note for note in result.notes if note.code is NoteCode.IMPLAUSIBLE]
+    sentences = (message(note) for note in told)
+    return " ".join([sentence(result.diagnosis), *(f"{text[:1].upper()}{text[1:]}." for text in sentences)])
+
+
 def _causes(diagnosis: Diagnosis) -> str:
     """Name the effects with what cannot be told apart from them, and which are much weaker than the first."""
     steps = diagnosis.selection.steps
@@ -108,7 +138,7 @@ def _unexplained(diagnosis: Diagnosis) -> list[str]:
         parts += [f"a line at {line.frequency:.3g} Hz in {output}" for line in analysis.lines[:1]]
         shifts = len(analysis.level_shifts)
         parts += [f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}"] if shifts else []
-        parts += [structure(item, output) for item in analysis.structure[:1]]
+        parts += [structure(item, output) for item in diagnosis.unexplained(output)[:1]]
     return parts + [message(note) for note in diagnosis.notes if note.code is NoteCode.IMPLAUSIBLE]
 
 
@@ -132,8 +162,12 @@ def _fact(name: str, value: Any) -> Any:
         return {"course": "as it moves", "fit": "as the outputs tell", "default": "as nothing tells otherwise"}.get(
             value, value
         )
+    if name == "names":
+        return _some(value)
     if name == "margin":
         return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
+    if name == "bias":
+        return f"{100.0 * value:+.2g} %"
     if name == "untried":
         return f"not tried: {_some(value)}" if value else "fits were ended early"
     if name in ("share", "usable"):
