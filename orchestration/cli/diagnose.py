@@ -13,7 +13,6 @@ from orchestration.api.records import held_out
 from orchestration.cli.models import model_file, note_neutral, open_model
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy.extended_model import destinations
-from orchestration.discrepancy.report import terminal
 from orchestration.records import Record, parse_mapping
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
@@ -74,6 +73,7 @@ def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
     command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
     time: float | None = None, runs: str | None = None, each: Sequence[str] = (),
+    compare: Path | None = None,
 ) -> DiagnosisResult:  # fmt: skip
     """Do ``ppy diagnose``; the command is repeated in the report.
 
@@ -98,6 +98,8 @@ def run(
         Column that tells the records in a file apart.
     each : sequence of str
         Parameters that differ from record to record.
+    compare : Path, optional
+        A later record, of which it is told what changed.
 
     Raises
     ------
@@ -114,11 +116,11 @@ def run(
         tell_repairs([replace(r, message=f"{name}{r.message}") for r in record.repairs])
     with progress() as tell:
         result = diagnose(
-            records, model, holdout=holdouts or None, each=each, effects=considered, hold=hold,
+            records, model, holdout=holdouts or None, compare=compare, each=each, effects=considered, hold=hold,
             settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time,
             progress=tell,
         )  # fmt: skip
-    out.print(terminal.overview(result.details))
+    out.print(*result.overview(), sep="\n")
     write_json(files.result, result.to_dict())
     failures: list[Exception] = []
     with progress() as tell:

@@ -65,6 +65,9 @@ Runs = Annotated[
     ),
 ]
 Each = Annotated[str | None, option("--each", help="Parameters that differ from record to record, e.g. ocv,R0.")]
+Compare = Annotated[
+    Path | None, option("--compare", metavar="AFTER", help="A later record of the specimen: what changed in it.")
+]
 Holdout = Annotated[
     list[str] | None,
     option(
@@ -106,6 +109,7 @@ def diagnose(
     hold: Hold = None,
     runs: Runs = None,
     each: Each = None,
+    compare: Compare = None,
     holdout: Holdout = None,
     time: Time = None,
     result: Json = None,
@@ -127,6 +131,7 @@ def diagnose(
             "--hold": hold,
             "--runs": runs,
             "--each": each,
+            "--compare": compare,
             "--holdout": holdout,
             "--time": time,
             "--report": report,
@@ -147,4 +152,5 @@ def diagnose(
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
             comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each),
+            compare,
         )  # fmt: skip
