@@ -30,6 +30,8 @@ class Files:
         JSON, HTML, FMU and TOML to write.
     platforms : sequence of str, optional
         FMI platforms to build the FMU for; default is every one that a compiler here can serve.
+    compare : Path, optional
+        A later record, of which it is told what changed.
     """
 
     records: Sequence[Path]
@@ -39,6 +41,7 @@ class Files:
     fmu: Path | None = None
     experiment: Path | None = None
     platforms: Sequence[str] | None = None
+    compare: Path | None = None
 
     def check(self, sources: Sequence[Path] = ()) -> None:
         """Refuse, before any work is done, names under which nothing can be written or something would be lost.
@@ -54,6 +57,7 @@ class Files:
         """
         others = [Path(text) for text in self.holdout if len(self.records) == 1 or Path(text).exists()]
         read: dict[str, Path | None] = {f"the record{_number(k)}": path for k, path in enumerate(self.records)}
+        read["the later record"] = self.compare
         read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
         read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
         written = {"--json": self.result, "--report": self.report, "--experiment": self.experiment}
@@ -73,7 +77,6 @@ def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
     command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
     time: float | None = None, runs: str | None = None, each: Sequence[str] = (),
-    compare: Path | None = None,
 ) -> DiagnosisResult:  # fmt: skip
     """Do ``ppy diagnose``; the command is repeated in the report.
 
@@ -98,8 +101,6 @@ def run(
         Column that tells the records in a file apart.
     each : sequence of str
         Parameters that differ from record to record.
-    compare : Path, optional
-        A later record, of which it is told what changed.
 
     Raises
     ------
@@ -116,8 +117,8 @@ def run(
         tell_repairs([replace(r, message=f"{name}{r.message}") for r in record.repairs])
     with progress() as tell:
         result = diagnose(
-            records, model, holdout=holdouts or None, compare=compare, each=each, effects=considered, hold=hold,
-            settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time,
+            records, model, holdout=holdouts or None, compare=files.compare, each=each, effects=considered, hold=hold,
+            settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time, mapping=renamed,
             progress=tell,
         )  # fmt: skip
     out.print(*result.overview(), sep="\n")

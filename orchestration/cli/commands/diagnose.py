@@ -145,12 +145,11 @@ def diagnose(
         return
     from orchestration.cli import diagnose as one_model
 
-    files = one_model.Files(records, holdout or (), result, report, fmu, experiment, platform_list(platforms))
+    files = one_model.Files(records, holdout or (), result, report, fmu, experiment, platform_list(platforms), compare)
     named = comma_list(effects)
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
             comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each),
-            compare,
         )  # fmt: skip
