@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.discrepancy.data.resolution import SAME
 from orchestration.discrepancy.note import NoteCode
 from orchestration.records.channels import runs
 
@@ -20,7 +21,6 @@ RUN = 5  # equal samples that are looked at
 _CLOSED = 5  # samples between masked ones that are masked too: those that noise spared are no fair sample
 _BESIDE = 3.5  # steps of the recorder that are beside an end
 _DEAD = 0.05  # share of a record for which an output without noise must stand still to be dead
-SAME = 1e-9  # of the range: what unit conversion may split one value into
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,13 @@ from scipy.stats import norm
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.faults import (
     RUN,
-    SAME,
     Symptom,
     any_moved,
     equal_runs,
     faults_in_noise,
     faults_without_noise,
 )
+from orchestration.discrepancy.data.resolution import SAME, resolution_of
 from orchestration.discrepancy.note import Note, NoteCode
 
 Array = NDArray[np.float64]
@@ -152,7 +152,7 @@ def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
         result[where[symptom.mask]] = True
         return replace(symptom, mask=result)
 
-    resolution = _resolution(y)
+    resolution = resolution_of(y)
     dead = _dead_throughout(y, resolution, moved)
     if dead:
         yield whole(dead)
@@ -176,14 +176,6 @@ def _changes(values: Array) -> Mask:
     """Where a channel has another value than one sample before."""
     change = np.abs(np.diff(values, prepend=values[:1]))
     return np.asarray(change > SAME * np.abs(values).max(initial=0.0))
-
-
-def _resolution(y: Array) -> float:
-    """Least step between different values."""
-    spread = float(np.ptp(y))
-    steps = np.diff(np.unique(y))
-    steps = steps[steps > SAME * spread]
-    return float(steps.min()) if len(steps) else 0.0
 
 
 def _on_grid(y: Array, resolution: float) -> bool:

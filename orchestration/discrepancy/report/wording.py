@@ -10,7 +10,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import Structure
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
-from orchestration.discrepancy.residuals.jumps import ExcessVariance
+from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest
 from orchestration.discrepancy.selection.stepwise import ACCEPT

@@ -1,4 +1,8 @@
-"""In which operating region a residual is largest."""
+"""In which operating region a residual is largest, and in which its mean is not that of the others.
+
+That it is larger somewhere is no fault of a model: noise may depend on how large a signal is. That its mean is another
+one there is: somebody who knows the signal could predict it.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f
+from scipy.stats import f, norm, rankdata
 
+from orchestration.discrepancy.residuals.correlation import FEWEST, SIGNIFICANCE, filtered, first_causal
+from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
+from orchestration.identify.noise import Noise
 
 Array = NDArray[np.float64]
-SIGNIFICANCE = 0.01  # false alarms of all lags of all signals, or of all bins of all signals, together
-FEWEST = 20  # samples in a bin that says something
 BINS = 8
 
 
@@ -36,8 +41,12 @@ class OperatingRegion:
         Where 99 % of such figures lie if the residual is no different there.
     rms_ratio : float
         That rms over the rms everywhere else.
+    mean : float
+        Of the residual in the range.
     p_value : float
-        Of so large a residual in any of the ranges of any signal.
+        Of so large a residual in any of the ranges of any signal, by its ranks.
+    mean_p_value : float
+        Of a mean so different from the others' in any of them.
     """
 
     output: str
@@ -49,7 +58,9 @@ class OperatingRegion:
     rms: float
     band: tuple[float, float]
     rms_ratio: float
+    mean: float
     p_value: float
+    mean_p_value: float
 
     @property
     def significant(self) -> bool:
@@ -58,35 +69,52 @@ class OperatingRegion:
 
 
 def operating_regions(
-    output: str, residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor], bins: int = BINS
-) -> list[OperatingRegion]:
+    output: str, residual: Array, present: NDArray[np.bool_], noise: Noise, signals: Sequence[Regressor],
+    innovations: Innovations, feedback: bool = False, bins: int = BINS,
+) -> list[OperatingRegion]:  # fmt: skip
     """Compare the residual in ranges of every signal, of equally many samples each, with the rest of the record.
 
-    A coloured residual tells less than as many independent samples would: its square is correlated by the square of
-    its own correlation, and counts for so many fewer.
+    Its size is compared by ranks (Mann and Whitney), its mean by the correlation of scored innovations with the
+    whitened indicator of the range. A coloured residual tells less of its size than as many independent samples would:
+    its square is correlated by the square of its own correlation, and counts for so many fewer.
 
     Parameters
     ----------
     output : str
     residual : ndarray, shape (m,)
     present : ndarray of bool, shape (n,)
+    noise : Noise
+        Of the residual.
     signals : sequence of Regressor
         Squares are passed over: their ranges are those of the signals.
+    innovations : Innovations
+        Of the residual.
+    feedback : bool
+        Whether inputs are moved by what is measured, so that a range may be a consequence of the noise in it.
     bins : int
 
     Returns
     -------
     list of Region
-        The most telling first.
+        The most telling of its size first.
     """
     if residual.size < 2 * FEWEST:
         return []
     wanted = [s for s in signals if s.kind is not RegressorKind.SQUARE]
-    square, worth = residual**2, 1.0 / _variance_inflation(residual)
-    total, n = float(square.sum()), residual.size
-    ranges = [(s, *part) for s in wanted for part in _ranges(s.values[present], bins)]
-    ranked: list[tuple[float, OperatingRegion]] = []
-    for signal, low, high, inside in ranges:
+    where, n = np.flatnonzero(present), residual.size
+    square, ranks = residual**2, rankdata(np.abs(residual))
+    worth = 1.0 / _variance_inflation(normal_scores(residual))
+    scores = np.zeros(present.size)
+    scores[innovations.at] = innovations.scores
+    scale = (
+        np.sqrt(np.mean(innovations.scores**2) * _mean_inflation(innovations.scores)) if innovations.at.size else 1.0
+    )
+    ranges = [(s, *part) for s in wanted for part in _ranges(s.values, present, bins)]
+    total, result = float(square.sum()), []
+    for signal, low, high, everywhere in ranges:
+        late = first_causal(signal, feedback)
+        indicator = np.concatenate([np.zeros(late, dtype=bool), everywhere[: everywhere.size - late]])
+        inside = indicator[where]
         count = int(inside.sum())
         if not FEWEST <= count <= n - FEWEST:
             continue
@@ -94,21 +122,34 @@ def operating_regions(
         elsewhere = (total - within) / (n - count)
         if not elsewhere > 0.0:
             continue
-        ratio = within / count / elsewhere
+        of_mean = _two_sided(_normal_mean(scores, filtered(indicator.astype(float), noise), innovations.at, scale))
         freedom = max(count * worth, 1.0), max((n - count) * worth, 1.0)
-        surprise = float(f.logsf(ratio, *freedom)) + float(np.log(len(ranges)))
         ends = np.sqrt(elsewhere * f.ppf([0.005, 0.995], *freedom))
-        p = min(1.0, float(np.exp(surprise)))
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
-        ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(ratio)), p
-        ranked.append((surprise, OperatingRegion(output, signal.name, *ends_and_size)))
-    return [region for _, region in sorted(ranked, key=lambda pair: (pair[0], -pair[1].rms_ratio))]
+        middle = 0.5 * count * (n + 1.0)
+        larger = (float(ranks[inside].sum()) - middle) / np.sqrt(count * (n - count) * (n + 1.0) / 12.0)
+        p = len(ranges) * float(norm.sf(larger * np.sqrt(worth)))
+        ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(within / count / elsewhere))
+        mean = float(residual[inside].mean())
+        p_values = min(1.0, p), min(1.0, len(ranges) * of_mean)
+        result.append(OperatingRegion(output, signal.name, *ends_and_size, mean, *p_values))
+    return sorted(result, key=lambda region: (region.p_value, -region.rms_ratio))
 
 
-def _ranges(values: Array, bins: int) -> list[tuple[float, float, NDArray[np.bool_]]]:
-    """Ends of ranges that hold about equally many of the values, and which values lie in each."""
-    inner = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)[1:-1]))
-    inner = inner[inner > values.min()]
+def _normal_mean(scores: Array, indicator: Array, at: NDArray[np.intp], scale: float) -> float:
+    """Correlation of scores with an indicator over its deviation where there is nothing."""
+    energy = float(np.sqrt((indicator[at] ** 2).sum()))
+    return float(scores @ indicator) / (scale * energy) if scale * energy > 0.0 else 0.0
+
+
+def _two_sided(normal: float) -> float:
+    return 2.0 * float(norm.sf(abs(normal)))
+
+
+def _ranges(values: Array, present: NDArray[np.bool_], bins: int) -> list[tuple[float, float, NDArray[np.bool_]]]:
+    """Ends of ranges that hold about equally many of the values that are present, and which values lie in each."""
+    inner = np.unique(np.quantile(values[present], np.linspace(0.0, 1.0, bins + 1)[1:-1]))
+    inner = inner[inner > values[present].min()]
     which = np.searchsorted(inner, values, side="right")
     ends = np.concatenate([[-np.inf], inner, [np.inf]])
     return [(float(ends[k]), float(ends[k + 1]), which == k) for k in range(ends.size - 1)]
@@ -116,12 +157,21 @@ def _ranges(values: Array, bins: int) -> list[tuple[float, float, NDArray[np.boo
 
 def _variance_inflation(residual: Array) -> float:
     """How many samples say as much about the size of a residual as an independent one would."""
-    centred, n = residual - residual.mean(), residual.size
+    return 1.0 + 2.0 * float((_fading(residual) ** 2).sum())
+
+
+def _mean_inflation(innovations: Array) -> float:
+    """The same of its mean: innovations are not independent where samples are uneven, and no colour was taken off."""
+    return max(1.0, 1.0 + 2.0 * float(_fading(innovations).sum()))
+
+
+def _fading(values: Array) -> Array:
+    """Autocorrelation from the first lag on, until it is lost in what there is of it without any."""
+    centred, n = values - values.mean(), values.size
     power = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
     correlation = np.fft.irfft(power)[: n // 4]
-    if not correlation[0] > 0.0:
-        return 1.0
+    if not correlation.size or not correlation[0] > 0.0:
+        return np.empty(0)
     correlation /= correlation[0]
     faded = np.flatnonzero(np.abs(correlation) < 2.0 / np.sqrt(n))
-    reach = int(faded[0]) if faded.size else correlation.size
-    return 1.0 + 2.0 * float((correlation[1:reach] ** 2).sum())
+    return np.asarray(correlation[1 : int(faded[0]) if faded.size else correlation.size])

@@ -1,0 +1,147 @@
+"""Innovations that tests can rest on: of one level throughout, and as far apart as those of Gaussian noise would be.
+
+Noise comes with heavy tails, single outliers, steps of a converter and a level that varies. None of it is structure, and
+every test of a mean or a variance takes it for structure. So innovations are divided by their local level and replaced
+by normal scores (van der Waerden): what is left of them is in which order they come, and that is what structure is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import norm, rankdata
+
+from orchestration.identify.noise import Noise, segments
+
+Array = NDArray[np.float64]
+_WINDOW = 80  # samples that tell the level about one of them
+_WINDOWS = 40  # at most, in a record
+_BINS = 8  # of the signal that the level may depend on
+_PASSES = 2
+_BOUND = 4.0  # levels beyond which a single innovation says no more
+_FAR = 6.0  # levels beyond which a sample is an outlier: one of half a billion in Gaussian noise
+_LEAST = 1e-3  # of the mean level, below which none is taken to be: where nothing moves a converter shows no noise
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Innovations of one output.
+
+    Attributes
+    ----------
+    at : ndarray of int, shape (k,)
+        Samples of the record that they belong to.
+    raw : ndarray, shape (k,)
+        In standard deviations.
+    level : ndarray, shape (k,)
+        Local size of them; one on average.
+    scores : ndarray, shape (k,)
+        Normal scores of the innovations over their level.
+    """
+
+    at: NDArray[np.intp]
+    raw: Array
+    level: Array
+    scores: Array
+
+    @property
+    def standardised(self) -> Array:
+        """Innovations over their level."""
+        return np.asarray(self.raw / self.level)
+
+    @property
+    def outliers(self) -> int:
+        """How many lie far from all others, by the robust deviation of the rest."""
+        standard = self.standardised
+        spread = float(np.median(np.abs(standard))) / float(norm.ppf(0.75)) if standard.size else 0.0
+        return int((np.abs(standard) > _FAR * spread).sum()) if spread > 0.0 else 0
+
+    def bounded(self, noise: Noise, present: NDArray[np.bool_]) -> Array:
+        """The residual that they would make if no single one of them were far out, in its unit.
+
+        Parameters
+        ----------
+        noise : Noise
+            Of the residual.
+        present : ndarray of bool, shape (n,)
+            Where there is one.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+        """
+        driven = np.clip(self.standardised, -_BOUND, _BOUND) * self.level * noise.deviation
+        filled = np.zeros(present.size, dtype=bool)
+        filled[self.at] = True
+        poles = [1.0, *-noise.coefficients]
+        return np.concatenate([driven[:0], *(lfilter([1.0], poles, driven[a:b]) for a, b in segments(filled, 0))])
+
+
+def innovations_of(residual: Array, present: NDArray[np.bool_], noise: Noise, size: Array | None = None) -> Innovations:
+    """Whiten a residual and score it.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (m,)
+    present : ndarray of bool, shape (n,)
+        Where there is one.
+    noise : Noise
+        Of the residual.
+    size : ndarray, shape (n,), optional
+        Signal on whose value the level may depend: the output as it is simulated.
+
+    Returns
+    -------
+    Innovations
+    """
+    raw, at = noise.whiten(residual, present), noise.kept(present)
+    level = local_level(raw, None if size is None else size[at])
+    return Innovations(at, raw, level, normal_scores(raw / level))
+
+
+def local_level(values: Array, size: Array | None = None) -> Array:
+    """Local size of values (k,), one on average: how it goes with time, and with the value of a signal (k,)."""
+    level, modulus = np.ones(values.size), np.abs(values)
+    for _ in range(_PASSES):
+        level *= _in_time(modulus / level)
+        if size is not None and np.ptp(size) > 0.0:
+            level *= _by_value(modulus / level, size)
+    return level
+
+
+def normal_scores(values: Array) -> Array:
+    """Quantiles of the normal distribution at the ranks of values (k,): van der Waerden's scores; equal ones share."""
+    return np.asarray(norm.ppf(rankdata(values) / (values.size + 1.0)))
+
+
+def _in_time(modulus: Array) -> Array:
+    """Local mean of moduli, from window to window and linearly between their middles."""
+    count = int(np.clip(modulus.size // _WINDOW, 1, _WINDOWS))
+    edges = np.linspace(0, modulus.size, count + 1).astype(np.intp)
+    levels = np.array([_mean(modulus[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    return _positive(np.interp(np.arange(modulus.size), 0.5 * (edges[:-1] + edges[1:] - 1), levels))
+
+
+def _by_value(modulus: Array, size: Array) -> Array:
+    """Mean of moduli where a signal is about as large, in ranges of equally many samples."""
+    inner = np.unique(np.quantile(size, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
+    which = np.searchsorted(inner, size, side="right")
+    counts = np.bincount(which, minlength=inner.size + 1)
+    levels = np.array([_mean(modulus[which == k]) if counts[k] >= _WINDOW // 2 else np.nan for k in range(counts.size)])
+    levels = np.where(np.isfinite(levels), levels, np.nanmean(levels) if np.isfinite(levels).any() else 1.0)
+    return _positive(levels[which])
+
+
+def _mean(modulus: Array) -> float:
+    """Mean that a few large ones do not carry away."""
+    middle = float(np.median(modulus))
+    return float(np.minimum(modulus, _BOUND * middle if middle > 0.0 else np.inf).mean())
+
+
+def _positive(level: Array) -> Array:
+    """A level of mean one that is nowhere zero."""
+    mean = float(level.mean()) if level.size else 0.0
+    return np.maximum(level / mean, _LEAST) if mean > 0.0 else np.ones(level.size)
