@@ -9,6 +9,7 @@ from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import Structure
+from orchestration.discrepancy.residuals.conditional_mean import ConditionalMean
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
 from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
@@ -125,17 +126,26 @@ def structure(item: Structure, output: str) -> str:
         return f"{output} wanders slowly"
     if isinstance(item, ExcessVariance):
         return f"{output} is worse where an input steps"
-    return region(item) if isinstance(item, OperatingRegion) else correlation(item)
+    return mean(item) if isinstance(item, ConditionalMean) else correlation(item)
 
 
 def region(item: OperatingRegion) -> str:
     """Where a residual is larger than elsewhere."""
+    return f"{item.output} is {item.rms_ratio:.1f}× worse where {_where(item)}"
+
+
+def mean(item: ConditionalMean) -> str:
+    """Where the mean of a residual is furthest from zero."""
+    return f"the residual of {item.output} is {item.bias:+.2f} of its RMS on average where {_where(item)}"
+
+
+def _where(item: OperatingRegion | ConditionalMean) -> str:
+    """In which range of a signal."""
     unit = "" if item.unit == "1" else f" {item.unit}"
     low, high = (f"{end:.3g}{unit}" for end in (item.low, item.high))
-    where = f"is above {low}" if math.isinf(item.high) else f"is below {high}"
     if math.isfinite(item.low) and math.isfinite(item.high):
-        where = f"is between {low} and {high}"
-    return f"{item.output} is {item.rms_ratio:.1f}× worse where {item.signal} {where}"
+        return f"{item.signal} is between {low} and {high}"
+    return f"{item.signal} is above {low}" if math.isinf(item.high) else f"{item.signal} is below {high}"
 
 
 def most_telling(regions: list[OperatingRegion]) -> list[str]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.resolution import resolution_of
+from orchestration.discrepancy.residuals.conditional_mean import ConditionalMean, conditional_means
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation, Feedback, cross_correlations
 from orchestration.discrepancy.residuals.excess_variance import ExcessVariance, excess_variance_at_input_steps
 from orchestration.discrepancy.residuals.innovations import innovations_of, local_level
@@ -26,7 +27,7 @@ from orchestration.identify.noise import ORDER, Noise, estimate, segments
 
 Array = NDArray[np.float64]
 ALPHA = 1e-4  # probability of what counts as structure of a residual
-Structure = RandomWalkTest | ExcessVariance | OperatingRegion | CrossCorrelation
+Structure = RandomWalkTest | ExcessVariance | ConditionalMean | CrossCorrelation
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,9 @@ class ResidualAnalysis:
     correlations : list of CrossCorrelation
         The strongest first.
     even : bool
-        Whether samples are equally spaced; else only operating regions can be told.
+        Whether samples are equally spaced; else only operating regions and means in them can be told.
+    means : list of ConditionalMean
+        The most telling first.
     feedback : list of Feedback
         Inputs that follow what was measured, the strongest first.
     samples, outliers : int
@@ -63,6 +66,7 @@ class ResidualAnalysis:
     regions: list[OperatingRegion]
     correlations: list[CrossCorrelation]
     even: bool = True
+    means: list[ConditionalMean] = field(default_factory=list)
     feedback: list[Feedback] = field(default_factory=list)
     samples: int = 0
     outliers: int = 0
@@ -71,12 +75,12 @@ class ResidualAnalysis:
     @property
     def structure(self) -> list[Structure]:
         """What cannot be noise, beside lines and level shifts, the most telling first."""
-        regions = [r for r in self.regions if r.mean_p_value < ALPHA and abs(r.mean) > self.rounding]
+        means = [m for m in self.means if m.p_value < ALPHA and abs(m.mean) > self.rounding]
         if not self.even:
-            return [*regions]
+            return [*means]
         walk = [self.random_walk] if self.random_walk.significant and self.random_walk.rms > self.rounding else []
         steps = [self.input_steps] if self.input_steps.p_value < ALPHA else []
-        return [*walk, *steps, *regions, *(c for c in self.correlations if c.p_value < ALPHA)]
+        return [*walk, *steps, *means, *(c for c in self.correlations if c.p_value < ALPHA)]
 
 
 def analyse_residuals(model: FittedCandidate, data: Dataset) -> dict[str, ResidualAnalysis]:
@@ -164,9 +168,10 @@ def analyse(
             [plain, other], data.inputs, int(bool(feedback)), gain * resolution / np.sqrt(12.0)
         ),
         random_walk_test(bounded),
-        operating_regions(output, left, judged, noise, signals, innovations, bool(feedback)),
+        operating_regions(output, left, judged, signals, bool(feedback)),
         [c for c in correlations if abs(c.strength) * noise.deviation > rounding],
         even,
+        conditional_means(output, left, innovations, noise, signals, bool(feedback)),
         feedback,
         innovations.at.size,
         int(far.sum()) + innovations.outliers,

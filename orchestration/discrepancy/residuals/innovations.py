@@ -1,13 +1,14 @@
 """Innovations that tests can rest on: of one level throughout, and as far apart as those of Gaussian noise would be.
 
-Noise comes with heavy tails, single outliers, steps of a converter and a level that varies. None of it is structure, and
-every test of a mean or a variance takes it for structure. So innovations are divided by their local level and replaced
-by normal scores (van der Waerden): what is left of them is in which order they come, and that is what structure is.
+Noise comes with heavy tails, single outliers, steps of a converter and a level that varies. None of it is structure,
+and every test of a mean or a variance takes it for structure. So innovations are divided by their local level and
+replaced by normal scores (van der Waerden): what is left is in which order they come, and that is what structure is.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,7 @@ def _in_time(modulus: Array) -> Array:
     """Local mean of moduli, from window to window and linearly between their middles."""
     count = int(np.clip(modulus.size // _WINDOW, 1, _WINDOWS))
     edges = np.linspace(0, modulus.size, count + 1).astype(np.intp)
-    levels = np.array([_mean(modulus[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    levels = np.array([_mean(modulus[a:b]) for a, b in pairwise(edges)])
     return _positive(np.interp(np.arange(modulus.size), 0.5 * (edges[:-1] + edges[1:] - 1), levels))
 
 
@@ -137,6 +138,8 @@ def _by_value(modulus: Array, size: Array) -> Array:
 
 def _mean(modulus: Array) -> float:
     """Mean that a few large ones do not carry away."""
+    if not modulus.size:
+        return 0.0
     middle = float(np.median(modulus))
     return float(np.minimum(modulus, _BOUND * middle if middle > 0.0 else np.inf).mean())
 

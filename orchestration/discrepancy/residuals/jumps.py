@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -129,9 +130,8 @@ def _restlessness(values: Array, window: int) -> tuple[Array, Array]:
     changes = medians[apart:] - medians[:-apart]
     if not changes.size:
         return np.zeros(1), np.zeros(1)
-    return np.asarray((np.arange(changes.size) + apart) * float(stride), dtype=np.float64), _local_spread(
-        changes, _NEIGHBOURS * apart // 2
-    )
+    places = np.asarray((np.arange(changes.size) + apart) * float(stride), dtype=np.float64)
+    return places, _local_spread(changes, _NEIGHBOURS * apart // 2)
 
 
 def _local_spread(values: Array, reach: int) -> Array:
@@ -140,6 +140,6 @@ def _local_spread(values: Array, reach: int) -> Array:
     everywhere = float(np.median(modulus)) if modulus.size else 0.0
     pieces = max(1, modulus.size // (2 * reach))
     edges = np.linspace(0, modulus.size, pieces + 1).astype(np.intp)
-    local = [float(np.median(modulus[a:b])) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    local = [float(np.median(modulus[a:b])) for a, b in pairwise(edges)]
     middles = 0.5 * (edges[:-1] + edges[1:] - 1)
     return np.maximum(np.interp(np.arange(modulus.size), middles, local), everywhere)

@@ -1,8 +1,4 @@
-"""In which operating region a residual is largest, and in which its mean is not that of the others.
-
-That it is larger somewhere is no fault of a model: noise may depend on how large a signal is. That its mean is another
-one there is: somebody who knows the signal could predict it.
-"""
+"""In which operating region a residual is largest: of a wrong model, or of noise that depends on a signal."""
 
 from __future__ import annotations
 
@@ -13,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f, norm, rankdata
 
-from orchestration.discrepancy.residuals.correlation import FEWEST, SIGNIFICANCE, filtered, first_causal
-from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
+from orchestration.discrepancy.residuals.correlation import FEWEST, SIGNIFICANCE, first_causal
+from orchestration.discrepancy.residuals.innovations import normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
-from orchestration.identify.noise import Noise
 
 Array = NDArray[np.float64]
 BINS = 8
@@ -41,12 +36,8 @@ class OperatingRegion:
         Where 99 % of such figures lie if the residual is no different there.
     rms_ratio : float
         That rms over the rms everywhere else.
-    mean : float
-        Of the residual in the range.
     p_value : float
         Of so large a residual in any of the ranges of any signal, by its ranks.
-    mean_p_value : float
-        Of a mean so different from the others' in any of them.
     """
 
     output: str
@@ -58,9 +49,7 @@ class OperatingRegion:
     rms: float
     band: tuple[float, float]
     rms_ratio: float
-    mean: float
     p_value: float
-    mean_p_value: float
 
     @property
     def significant(self) -> bool:
@@ -69,26 +58,22 @@ class OperatingRegion:
 
 
 def operating_regions(
-    output: str, residual: Array, present: NDArray[np.bool_], noise: Noise, signals: Sequence[Regressor],
-    innovations: Innovations, feedback: bool = False, bins: int = BINS,
+    output: str, residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor], feedback: bool = False,
+    bins: int = BINS,
 ) -> list[OperatingRegion]:  # fmt: skip
     """Compare the residual in ranges of every signal, of equally many samples each, with the rest of the record.
 
-    Its size is compared by ranks (Mann and Whitney), its mean by the correlation of scored innovations with the
-    whitened indicator of the range. A coloured residual tells less of its size than as many independent samples would:
-    its square is correlated by the square of its own correlation, and counts for so many fewer.
+    Its modulus is compared by ranks (Mann and Whitney). A coloured residual tells less of its size than as many
+    independent samples would: its square is correlated by the square of its own correlation, and counts for so many
+    fewer.
 
     Parameters
     ----------
     output : str
     residual : ndarray, shape (m,)
     present : ndarray of bool, shape (n,)
-    noise : Noise
-        Of the residual.
     signals : sequence of Regressor
         Squares are passed over: their ranges are those of the signals.
-    innovations : Innovations
-        Of the residual.
     feedback : bool
         Whether inputs are moved by what is measured, so that a range may be a consequence of the noise in it.
     bins : int
@@ -96,7 +81,7 @@ def operating_regions(
     Returns
     -------
     list of Region
-        The most telling of its size first.
+        The most telling first.
     """
     if residual.size < 2 * FEWEST:
         return []
@@ -104,17 +89,10 @@ def operating_regions(
     where, n = np.flatnonzero(present), residual.size
     square, ranks = residual**2, rankdata(np.abs(residual))
     worth = 1.0 / _variance_inflation(normal_scores(residual))
-    scores = np.zeros(present.size)
-    scores[innovations.at] = innovations.scores
-    scale = (
-        np.sqrt(np.mean(innovations.scores**2) * _mean_inflation(innovations.scores)) if innovations.at.size else 1.0
-    )
-    ranges = [(s, *part) for s in wanted for part in _ranges(s.values, present, bins)]
+    ranges = [(s, *part) for s in wanted for part in ranges_of(s.values, present, bins)]
     total, result = float(square.sum()), []
     for signal, low, high, everywhere in ranges:
-        late = first_causal(signal, feedback)
-        indicator = np.concatenate([np.zeros(late, dtype=bool), everywhere[: everywhere.size - late]])
-        inside = indicator[where]
+        inside = delayed(everywhere, first_causal(signal, feedback))[where]
         count = int(inside.sum())
         if not FEWEST <= count <= n - FEWEST:
             continue
@@ -122,7 +100,6 @@ def operating_regions(
         elsewhere = (total - within) / (n - count)
         if not elsewhere > 0.0:
             continue
-        of_mean = _two_sided(_normal_mean(scores, filtered(indicator.astype(float), noise), innovations.at, scale))
         freedom = max(count * worth, 1.0), max((n - count) * worth, 1.0)
         ends = np.sqrt(elsewhere * f.ppf([0.005, 0.995], *freedom))
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
@@ -130,23 +107,11 @@ def operating_regions(
         larger = (float(ranks[inside].sum()) - middle) / np.sqrt(count * (n - count) * (n + 1.0) / 12.0)
         p = len(ranges) * float(norm.sf(larger * np.sqrt(worth)))
         ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(within / count / elsewhere))
-        mean = float(residual[inside].mean())
-        p_values = min(1.0, p), min(1.0, len(ranges) * of_mean)
-        result.append(OperatingRegion(output, signal.name, *ends_and_size, mean, *p_values))
+        result.append(OperatingRegion(output, signal.name, *ends_and_size, min(1.0, p)))
     return sorted(result, key=lambda region: (region.p_value, -region.rms_ratio))
 
 
-def _normal_mean(scores: Array, indicator: Array, at: NDArray[np.intp], scale: float) -> float:
-    """Correlation of scores with an indicator over its deviation where there is nothing."""
-    energy = float(np.sqrt((indicator[at] ** 2).sum()))
-    return float(scores @ indicator) / (scale * energy) if scale * energy > 0.0 else 0.0
-
-
-def _two_sided(normal: float) -> float:
-    return 2.0 * float(norm.sf(abs(normal)))
-
-
-def _ranges(values: Array, present: NDArray[np.bool_], bins: int) -> list[tuple[float, float, NDArray[np.bool_]]]:
+def ranges_of(values: Array, present: NDArray[np.bool_], bins: int) -> list[tuple[float, float, NDArray[np.bool_]]]:
     """Ends of ranges that hold about equally many of the values that are present, and which values lie in each."""
     inner = np.unique(np.quantile(values[present], np.linspace(0.0, 1.0, bins + 1)[1:-1]))
     inner = inner[inner > values[present].min()]
@@ -155,17 +120,17 @@ def _ranges(values: Array, present: NDArray[np.bool_], bins: int) -> list[tuple[
     return [(float(ends[k]), float(ends[k + 1]), which == k) for k in range(ends.size - 1)]
 
 
+def delayed(inside: NDArray[np.bool_], late: int) -> NDArray[np.bool_]:
+    """Where a signal was in a range so many samples ago."""
+    return np.concatenate([np.zeros(late, dtype=bool), inside[: inside.size - late]])
+
+
 def _variance_inflation(residual: Array) -> float:
     """How many samples say as much about the size of a residual as an independent one would."""
-    return 1.0 + 2.0 * float((_fading(residual) ** 2).sum())
+    return 1.0 + 2.0 * float((fading(residual) ** 2).sum())
 
 
-def _mean_inflation(innovations: Array) -> float:
-    """The same of its mean: innovations are not independent where samples are uneven, and no colour was taken off."""
-    return max(1.0, 1.0 + 2.0 * float(_fading(innovations).sum()))
-
-
-def _fading(values: Array) -> Array:
+def fading(values: Array) -> Array:
     """Autocorrelation from the first lag on, until it is lost in what there is of it without any."""
     centred, n = values - values.mean(), values.size
     power = np.abs(np.fft.rfft(centred, 2 * n)) ** 2

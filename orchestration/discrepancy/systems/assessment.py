@@ -153,6 +153,6 @@ def assess_outputs(simulation: MemberSimulation, values: Mapping[str, float]) ->
             regress(residual, present, plain),
             random_walk_test(residual),
             correlations,
-            operating_regions(output, residual, present, noise, signals, innovations, bool(feedback)),
+            operating_regions(output, residual, present, signals, bool(feedback)),
         )
     return assessments

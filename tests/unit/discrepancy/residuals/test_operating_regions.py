@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from orchestration.discrepancy.report.wording import most_telling
-from orchestration.discrepancy.residuals.innovations import innovations_of
 from orchestration.discrepancy.residuals.operating_regions import operating_regions
-from orchestration.identify.noise import estimate
 from tests.support.residuals import COLOURS, EVERY, bench, noise
 
 
 def regions_of(residual, signals, output="y"):
-    kind = estimate(residual, EVERY)
-    return operating_regions(output, residual, EVERY, kind, signals, innovations_of(residual, EVERY, kind))
+    return operating_regions(output, residual, EVERY, signals)
 
 
 @COLOURS
