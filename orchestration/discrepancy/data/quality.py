@@ -34,6 +34,7 @@ _COARSE = 0.4  # share of repeated samples above which the noise is too small fo
 _LEVELS = 4  # different values at which a channel with noise may stand still: both ends, and where a sensor hangs
 _SPIKE = 12.0  # standard deviations by which a single sample must leave its neighbours
 _SPIKES = 0.02  # share of the samples above which they are no outliers
+_EVIDENCE = ("quantised", "standing")  # told, and used all the same
 _USABLE = 0.1  # share of the samples below which an output is not used
 
 
@@ -45,7 +46,7 @@ class DataFault:
     ----------
     channel : str
         Empty if it is about all of them.
-    kind : {"clipped", "stuck", "dead", "outlier", "quantised", "unusable", "still", "nothing"}
+    kind : {"clipped", "stuck", "dead", "standing", "outlier", "quantised", "unusable", "still", "nothing"}
     code : NoteCode
         How it was recognised.
     facts : Mapping of str to Any
@@ -103,7 +104,7 @@ def assess(data: Dataset, simulated: Mapping[str, Array] | None = None) -> tuple
         for symptom in _symptoms(values, moves):
             if symptom.kind in own:
                 continue
-            left_out = symptom.kind != "quantised"
+            left_out = symptom.kind not in _EVIDENCE
             faults.append(_fault(data, name, symptom, values, left_out))
             bad |= symptom.mask if left_out else False
         present = np.isfinite(values)

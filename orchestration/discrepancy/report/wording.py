@@ -35,6 +35,9 @@ _NOTES = {
         "only toggles between neighbouring steps of {resolution:.4g} whatever the inputs do: it is not used",
     NoteCode.DEAD_TO_THE_END: "stands still at {level:.6g} to the end: a dead sensor, {share} of the samples",
     NoteCode.DEAD_WHILE_DRIVEN: "stands still at {level:.6g} to the end while inputs move, {share} of the samples",
+    NoteCode.STANDS_STILL:
+        "stands still at {level:.6g} for up to {samples} samples in a row while inputs move, {share} of the samples: "
+        "kept, as what a dead zone, dry friction or a stop does",
     NoteCode.OUTLIERS: "{count} single samples far from their neighbours",
     NoteCode.QUANTISED: "steps of {resolution:.4g}, coarser than its noise: nothing finer can be judged",
     NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
@@ -59,6 +62,14 @@ _NOTES = {
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
     NoteCode.NOT_VALIDATED: "fits the estimation data better, but not the part held out, and is not claimed",
     NoteCode.CONFOUNDED: "much of what it does, others would do: {shares}",
+    NoteCode.OUTLYING_RESIDUALS:
+        "{count} samples, {share}, lie far from what is fitted and from all others: no verdict rests on them",
+    NoteCode.VARYING_NOISE:
+        "its noise is not of one level, {ratio:.1f} times as large in some range of {signal} as elsewhere: that alone "
+        "is no fault of the model",
+    NoteCode.FEEDBACK:
+        "{input} follows it (correlation {strength:+.2f}, {lag:.3g} s later): the loop is closed. What comes after is "
+        "not held against the model, but estimates may be biased where the noise has a colour that is not its model's",
     NoteCode.IMPLAUSIBLE: "out of all reason: {ratios}; look at units, signs and columns first",
     NoteCode.NO_GAIN:
         "no gain is claimed: with what was named the part held out is likelier, given how uncertain the parameters "
