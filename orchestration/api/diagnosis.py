@@ -234,7 +234,7 @@ def diagnose(
     hold: Sequence[str] = (),
     settings: Mapping[str, float | str] | None = None,
     mapping: Mapping[str, str] | None = None,
-    interpolate: bool = False,
+    interpolate: bool | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> DiagnosisResult:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.
@@ -255,8 +255,8 @@ def diagnose(
         Values of parameters to start from, and of inputs that stayed at a value: SI, or texts with a unit.
     mapping : Mapping of str to str, optional
         Column of a file to signal of the model, for records that are given as files.
-    interpolate : bool
-        Whether inputs go linearly between samples; else each is held.
+    interpolate : bool, optional
+        Whether inputs go linearly between samples, or are held; unless given, the record tells.
     progress : callable
         Told what is being done.
 

@@ -65,7 +65,7 @@ class Files:
 
 def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
-    command: Sequence[str], hold: Sequence[str] = (), interpolate: bool = False, effects: Sequence[str] = (),
+    command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
 ) -> DiagnosisResult:  # fmt: skip
     """Do ``ppy diagnose``; the command is repeated in the report.
 
@@ -80,7 +80,8 @@ def run(
     command : sequence of str
     hold : sequence of str
         Parameters that are not fitted.
-    interpolate : bool
+    interpolate : bool, optional
+        Whether inputs go linearly between samples, or are held; unless given, the record tells.
     effects : sequence of str
         Laid over the model before it is judged.
 

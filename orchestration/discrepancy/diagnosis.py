@@ -17,6 +17,8 @@ from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.screening import divided, is_excited
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, analyse_residuals
+from orchestration.discrepancy.selection import intersample
+from orchestration.discrepancy.selection.intersample import Intersample
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
@@ -64,6 +66,8 @@ class Diagnosis:
         The best model fitted to all that was measured, now that its gain is known; the estimates are its.
     notes : list of Note
         What could not be assessed, and why.
+    intersample : dict of str to Intersample
+        What every input that moves is taken to do between samples.
     """
 
     verdict: Verdict
@@ -77,6 +81,7 @@ class Diagnosis:
     validation: ValidationData
     final: FittedCandidate
     notes: list[Note] = field(default_factory=list)
+    intersample: dict[str, Intersample] = field(default_factory=dict)
 
     @property
     def causes(self) -> list[str]:
@@ -136,13 +141,20 @@ def diagnose(
     UserError
         If the model cannot be simulated over the record, or no output can be trusted.
     """
+    chosen = intersample.given(data) if data.linear is not None else intersample.by_course(cls, data)
+    data = replace(data, linear=intersample.linear(chosen))
+    holdout = replace(holdout, linear=data.linear) if holdout is not None else None
     parts = divided(cls, data, holdout, fixed or {})
-    estimation, validation = parts.estimation, parts.validation
-    search = Search(estimation, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
-    excited = is_excited(cls, estimation, fixed or {})
+    search = Search(parts.estimation, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
+    excited = is_excited(cls, parts.estimation, fixed or {})
     starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
-    selection = Selection(search.nominal()) if inconclusive else select(search, effects)
+    base = search.nominal()
+    if not inconclusive:
+        search, base, chosen = intersample.by_fit(search, base, chosen)
+        parts = parts.with_linear(intersample.linear(chosen))
+    estimation, validation = parts.estimation, parts.validation
+    selection = Selection(base) if inconclusive else select(search, effects, base)
     selection, predictions, dropped = validated(selection, validation)
     final = replace(search, data=parts.usable).refit(selection.best) if validation.continued else selection.best
     values = estimates(final)
@@ -152,6 +164,7 @@ def diagnose(
     before, after = predictions[0].errors, predictions[-1].errors
     notes = [
         *_excitation_notes(parts.notes, estimation, excited, starts),
+        *intersample.remarks(chosen),
         *dropped,
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
@@ -163,7 +176,7 @@ def diagnose(
     else:
         verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed)
     return Diagnosis(
-        verdict, selection, values, changed, residuals, before, after, estimation, validation, final, notes
+        verdict, selection, values, changed, residuals, before, after, estimation, validation, final, notes, chosen
     )
 
 

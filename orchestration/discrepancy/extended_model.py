@@ -230,5 +230,9 @@ def _run(path: Path, values: Mapping[str, float], validation: ValidationData) ->
     with Fmu(path, values) as fmu:
         fmu.start(float(data.time[0]))
         return simulate_instance(
-            fmu, data.time, data.inputs, list(data.measured), linear=data.inputs if data.linear else ()
+            fmu,
+            data.time,
+            data.inputs,
+            list(data.measured),
+            linear=data.inputs if data.linear is True else data.linear or (),
         )

@@ -28,6 +28,8 @@ class NoteCode(StrEnum):
     UNUSABLE = "unusable"
     NOTHING_USABLE = "nothing_usable"
     # how far the data reach
+    INTERSAMPLE = "intersample"
+    INTERSAMPLE_OPEN = "intersample_open"
     CONSTANT_INPUT = "constant_input"
     NO_EXCITATION = "no_excitation"
     EXCITATION_BELOW_NOISE = "excitation_below_noise"

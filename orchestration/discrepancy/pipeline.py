@@ -35,8 +35,8 @@ class Options:
         Effects to consider, as ``id`` or ``id(output)``; all of the catalogue unless given.
     hold : sequence of str
         Parameters that are known and not fitted.
-    interpolate : bool
-        Whether inputs go linearly between samples; else each is held.
+    interpolate : bool, optional
+        Whether inputs go linearly between samples, or are held; None leaves it to the record.
     limits : Mapping of str to tuple of float, optional
         Of the rig by input, SI, within which an experiment is designed.
     highest_frequency : float
@@ -46,7 +46,7 @@ class Options:
     given: Mapping[str, float] = field(default_factory=dict)
     effects: Sequence[str] | None = None
     hold: Sequence[str] = ()
-    interpolate: bool = False
+    interpolate: bool | None = None
     limits: Limits | None = None
     highest_frequency: float = np.inf
 
@@ -151,7 +151,7 @@ def diagnose(
     return Result(record, holdout, model, effects, diagnosis, component, gain, experiment, notes)
 
 
-def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool = False) -> Dataset:
+def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None) -> Dataset:
     """Inputs and real outputs of a record; inputs that are absent are constant, as given or as they start.
 
     Parameters
@@ -160,8 +160,8 @@ def dataset(record: Record, model: Model, given: Mapping[str, float], interpolat
     model : Model
     given : Mapping of str to float
         Of inputs, SI.
-    interpolate : bool
-        Whether inputs go linearly between samples.
+    interpolate : bool, optional
+        Whether inputs go linearly between samples, or are held; None leaves it to the record.
     """
     own = {n: value for n, value in given.items() if n in model.inputs}
     constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | own

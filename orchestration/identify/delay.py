@@ -7,7 +7,7 @@ discrete states, each with derivatives, cost many times the model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,8 @@ class DelayedModel:
     cls : type[Component]
     sensitivities : sequence of str
         Parameters with respect to which derivatives are wanted.
-    linear : bool
-        Whether inputs go linearly from sample to sample; else each is held until the next.
+    linear : bool or collection of str
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class DelayedModel:
         Names of the delays by output.
     """
 
-    def __init__(self, cls: type[Component], sensitivities: Sequence[str], linear: bool = False):
+    def __init__(self, cls: type[Component], sensitivities: Sequence[str], linear: bool | Collection[str] = False):
         base, effects = vars(cls).get("stacked", (cls, ()))
         delays = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
         others = [e for e in effects if e not in delays]
@@ -87,7 +87,8 @@ class DelayedModel:
         )
         held = np.searchsorted(time, instants, "right") - 1
         full = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time)) for n, v in inputs.items()}
-        fed = {n: np.interp(instants, time, v) if self._linear else v[held] for n, v in full.items()}
+        moving = full if self._linear is True else self._linear or ()
+        fed = {n: np.interp(instants, time, v) if n in moving else v[held] for n, v in full.items()}
         ran = self._model.run(instants, fed, given, self._linear, effort)
         places = iter(np.split(back, 1 + 2 * len(instants_of)))
         now = next(places)

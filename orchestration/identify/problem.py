@@ -7,7 +7,7 @@ Parameters that are positive by nature are searched in their logarithm, others i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,8 +65,8 @@ class Problem:
         Parameters to search, start values of states included.
     fixed : Mapping[str, float]
         Values of others, and starting points of those to search.
-    linear : bool
-        Whether inputs go linearly from sample to sample; else each is held until the next.
+    linear : bool or collection of str
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
     order : int
         Highest order of the autoregression that the noise of an output may be; 0 for white noise.
 
@@ -93,7 +93,8 @@ class Problem:
 
     def __init__(
         self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
-        names: Sequence[str], fixed: Mapping[str, float], linear: bool = False, order: int = ORDER,
+        names: Sequence[str], fixed: Mapping[str, float], linear: bool | Collection[str] = False,
+        order: int = ORDER,
     ):  # fmt: skip
         self.model = DelayedModel(cls, names, linear)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}

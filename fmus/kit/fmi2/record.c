@@ -1,4 +1,6 @@
-/* Runs a whole record in one call, for fitting: the same engine as in the FMU, without the FMI around it. */
+/* Runs a whole record in one call, for fitting: the same engine as in the FMU, without the FMI around it, and with an
+   integrator of its own where a component is stiff. */
+#include "exponential.c"
 #include "instance.h"
 #include "native.h"
 
@@ -19,7 +21,8 @@ static void start(double *memory, double time, const double *parameters, double 
 }
 
 /* Steps from sample k to sample k + 1. */
-static bool step(Engine *engine, const double *time, const double *inputs, size_t k, int linear, Message message) {
+static bool step(Engine *engine, const double *time, const double *inputs, size_t k, const double *linear,
+                 Message message) {
     double h = time[k + 1] - time[k];
     if (!(h > 0.0) || !isfinite(h)) {
         snprintf(message, MESSAGE_SIZE, "times must increase, but %.10g s follows %.10g s", time[k + 1], time[k]);
@@ -27,7 +30,7 @@ static bool step(Engine *engine, const double *time, const double *inputs, size_
     }
     for (int i = 0; i < MODEL_INPUTS; i++) {
         const double *u = inputs + k * MODEL_INPUTS + i;
-        engine->memory[MEMORY_SLOPES + i] = linear ? (u[MODEL_INPUTS] - u[0]) / h : 0.0;
+        engine->memory[MEMORY_SLOPES + i] = linear[i] != 0.0 ? (u[MODEL_INPUTS] - u[0]) / h : 0.0;
     }
     return engine_advance(engine, time[k], h, message);
 }
@@ -41,8 +44,8 @@ static bool all_finite_at(const double *memory, double time, Message message) {
     return true;
 }
 
-static bool run(Engine *engine, size_t n, const double *time, const double *inputs, int linear, double effort,
-                double *outputs_at, double *states_at, Message message) {
+static bool run(Engine *engine, size_t n, const double *time, const double *inputs, const double *linear,
+                double effort, double *outputs_at, double *states_at, Message message) {
     double *memory = engine->memory, budget = effort * (double)n;
     for (size_t k = 0; k < n; k++) {
         memcpy(memory + FIRST_INPUT, inputs + k * MODEL_INPUTS, MODEL_INPUTS * sizeof(double));
@@ -67,24 +70,26 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
 }
 
 /* `inputs` is n x MODEL_INPUTS, `outputs_at` n x MODEL_OUTPUTS, `states_at` n x (states, then discretes), row by row. Row
-   k of the latter two belongs to time[k] with the inputs of row k. Inputs are held over each interval, or interpolated
-   when `linear` is set. `effort` is how many internal steps per sample are made, on average, before it is given up.
-   Returns 0, or 1 with a message. */
-EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, int linear, const double *parameters,
-                        double tolerance, double effort, double *outputs_at, double *states_at, char *message,
-                        size_t message_size) {
+   k of the latter two belongs to time[k] with the inputs of row k. An input is held over each interval where its entry
+   of `linear` is 0, and interpolated where that is 1. `effort` is how many internal steps per sample are made, on
+   average, before it is given up. `ladder` is NULL where the component is not stiff. Returns 0, or 1 with a message. */
+EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, const double *linear,
+                        const double *parameters, double tolerance, double effort, const Ladder *ladder,
+                        double *outputs_at, double *states_at, char *message, size_t message_size) {
     /* not on the stack, which a thread may have little of */
     double *memory = calloc(MEMORY_SIZE, sizeof *memory);
-    Engine *engine = calloc(1, sizeof *engine);
+    Recorder *recorder = calloc(1, sizeof *recorder);
     Message text = "out of memory";
-    bool done = memory != NULL && engine != NULL;
+    bool done = memory != NULL && recorder != NULL;
     if (done && n > 0) {
         start(memory, time[0], parameters, tolerance);
-        engine->memory = memory;
-        done = run(engine, n, time, inputs, linear, effort, outputs_at, states_at, text);
+        recorder->engine.memory = memory;
+        if (ladder != NULL)
+            recorder->ladder = *ladder;
+        done = run(&recorder->engine, n, time, inputs, linear, effort, outputs_at, states_at, text);
     }
     snprintf(message, message_size, "%s", text);
-    free(engine);
+    free(recorder);
     free(memory);
     return done ? 0 : 1;
 }

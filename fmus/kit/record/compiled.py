@@ -1,7 +1,8 @@
 """Running a component over a whole record as compiled C, with exact sensitivities: the fast path for fitting.
 
 The same laws, tables and integrator as in the native FMU (``fmi2/record.c`` in place of the FMI front-end), compiled
-once for this machine and kept in the user's cache folder. Without a C compiler CasADi interprets the laws instead.
+once for this machine and kept in the user's cache folder; what is stiff over the record at hand has an integrator of
+its own (``fmi2/exponential.c``). Without a C compiler CasADi interprets the laws instead.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from fmus.kit.build.sources import FOLDER, UNIT, unit
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.interpreted import Interpreted
+from fmus.kit.record.linearisation import Ladder, Linearisation
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.hoist import hoist
 from fmus.kit.symbolic.sensitivity import with_sensitivities
@@ -71,15 +73,17 @@ class CompiledModel:
         self.layout = base.layout
         self.names = list(sensitivities)
         self._graph = with_sensitivities(base, self.names)
+        self._linearisation = Linearisation(base, self._graph)
         hoisted, self._hoisted = hoist(self._graph)
-        self._engine = _Library(hoisted) if _compiler() else Interpreted(hoisted)
+        states = len(base.layout.states)
+        self._engine = _Library(hoisted, states) if _compiler() else Interpreted(hoisted)
 
     def run(
         self,
         time: Array,
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float] | None = None,
-        linear: bool = False,
+        linear: bool | Collection[str] = False,
         effort: float = 1e6,
     ) -> Trajectory:
         """Simulate.
@@ -92,8 +96,8 @@ class CompiledModel:
             Values of shape (n,) by input name, SI; missing ones stay at their start value.
         parameters : Mapping[str, float], optional
             Values that replace defaults, SI.
-        linear : bool
-            Interpolate inputs between samples instead of holding them.
+        linear : bool or collection of str
+            Inputs that are interpolated between samples instead of held: all of them, none, or those named.
         effort : float
             Internal steps per sample, on average, beyond which the simulation is abandoned.
 
@@ -124,7 +128,10 @@ class CompiledModel:
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
         everything = np.concatenate([vector, self._hoisted(vector).full()[:, 0]])
         times = np.ascontiguousarray(time, dtype=float)
-        outputs, states = self._engine.simulate(times, table, linear, everything, self._graph.tolerance, effort)
+        named = {v.name for v in layout.inputs} if linear is True else linear or ()
+        moving = np.array([float(v.name in named) for v in layout.inputs])
+        ladder = self._linearisation.ladder(times, table, bool(moving.any()), vector)
+        outputs, states = self._engine.simulate(times, table, moving, everything, self._graph.tolerance, effort, ladder)
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
         continuous, discrete = np.split(states, [len(layout.states)], axis=1)
@@ -151,33 +158,47 @@ def _compiler() -> bool:
     return True
 
 
-class _Library:
-    """A graph, compiled."""
+class _Ladder(ctypes.Structure):
+    """`Ladder` as ``exponential.c`` has it."""
 
-    def __init__(self, graph: Graph):
-        self._function = _load(graph)
+    _fields_ = (
+        ("levels", ctypes.c_int), ("affine", ctypes.c_int), ("largest", ctypes.c_double), ("matrix", _DOUBLES),
+        ("phi", _DOUBLES),
+    )  # fmt: skip
+
+
+class _Library:
+    """A graph, compiled; of its states the first are those of the component."""
+
+    def __init__(self, graph: Graph, states: int):
+        self._function = _load(graph, states)
         layout = graph.layout
         self._outputs, self._states = len(layout.outputs), len(layout.states) + len(layout.discretes)
 
     def simulate(
-        self, time: Array, table: Array, linear: bool, parameters: Array, tolerance: float, effort: float
-    ) -> tuple[Array, Array]:
+        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float,
+        ladder: Ladder | None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Run over a record, as :meth:`Interpreted.simulate`."""
         outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
         message = ctypes.create_string_buffer(1024)
+        given = ladder and _Ladder(
+            ladder.levels, int(ladder.affine), ladder.largest, _pointer(ladder.matrix), _pointer(ladder.phi)
+        )
         failed = self._function(
-            len(time), _pointer(time), _pointer(table), int(linear), _pointer(parameters), tolerance, effort,
-            _pointer(outputs), _pointer(states), message, len(message),
+            len(time), _pointer(time), _pointer(table), _pointer(linear), _pointer(parameters), tolerance, effort,
+            given and ctypes.byref(given), _pointer(outputs), _pointer(states), message, len(message),
         )  # fmt: skip
         if failed:
             raise UserError(message.value.decode(errors="replace"))
         return outputs, states
 
 
-def _load(graph: Graph) -> Any:
+def _load(graph: Graph, states: int) -> Any:
     """Compile, or take from the cache, and bind ``ppy_simulate``."""
     sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()}
     sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
+    sources["record.h"] = f"#define RECORD_STATES {states}\n".encode()
     target = toolchain.host_platform()
     digest = hashlib.sha256(toolchain.find_compiler(target).label.encode())
     for name in sorted(sources):
@@ -188,15 +209,15 @@ def _load(graph: Graph) -> Any:
             for name, contents in sources.items():
                 (Path(folder) / name).write_bytes(contents)
             whole = Path(folder) / UNIT
-            whole.write_bytes(unit("record.c", "native.c", "integrate.c", "model.c", "laws.c"))
+            whole.write_bytes(unit("record.c", "native.c", "model.c", "laws.c"))
             library = toolchain.compile_library(
                 [whole], [Path(folder), toolchain.fmi_headers()], target, libraries=() if target == "win64" else ("m",)
             )
         files.write_once(path, library)
     function = ctypes.CDLL(str(path)).ppy_simulate
     function.argtypes = [
-        ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_int, _DOUBLES, ctypes.c_double,
-        ctypes.c_double, _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
+        ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,
+        ctypes.c_double, ctypes.POINTER(_Ladder), _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
     ]  # fmt: skip
     function.restype = ctypes.c_int
     return function

@@ -1,4 +1,4 @@
-"""Running a whole record without a C compiler: the laws in CasADi's virtual machine, the integrator of `integrate.py`.
+"""Running a whole record without a C compiler: the laws in CasADi's virtual machine, the integrators in Python.
 
 The same operations in the same order as ``fmi2/record.c``, at a hundredth of its speed.
 """
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
 from fmus.kit.integrate import MAX_STEPS, MIN_STEP, ROUNDING, SAME_INSTANT
+from fmus.kit.record.exponential import ExponentialIntegrator
+from fmus.kit.record.linearisation import Ladder
 from fmus.kit.symbolic.trace import Graph
 
 Array = NDArray[np.float64]
@@ -61,19 +63,22 @@ class Interpreted:
         self._updates = [_Law(update, arguments, sizes[3]) for update in updates]
 
     def simulate(
-        self, time: Array, table: Array, linear: bool, parameters: Array, tolerance: float, effort: float
-    ) -> tuple[Array, Array]:
+        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float,
+        ladder: Ladder | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Run over a record.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
         table : ndarray, shape (n, inputs)
-        linear : bool
-            Interpolate inputs between samples instead of holding them.
+        linear : ndarray, shape (inputs,)
+            1 for an input that is interpolated between samples, 0 for one that is held.
         parameters : ndarray
         tolerance, effort : float
             Accuracy of an internal step, and how many there may be for each sample.
+        ladder : Ladder, optional
+            Of a component that is stiff over the record.
 
         Returns
         -------
@@ -87,6 +92,9 @@ class Interpreted:
         """
         self._parameters[:], self._tolerance, self._hint, budget = parameters, tolerance, math.inf, effort * len(time)
         self._x[:], self._z[:] = (parameters[where] for where in self._starts)
+        self._exponential = (
+            None if ladder is None else ExponentialIntegrator(ladder, self._rate, self._nominal, tolerance)
+        )
         periods = [float(parameters[p]) if isinstance(p, int) else p for p in self._periods]
         counters = [0] * len(periods)
         outputs = np.empty((len(time), self._outputs.result.size))
@@ -100,7 +108,8 @@ class Interpreted:
             h = float(time[k + 1]) - now
             if not 0.0 < h < math.inf:
                 raise UserError(f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s")
-            self._held, self._slope, self._since = table[k], (table[k + 1] - table[k]) / h if linear else None, now
+            slope = np.where(linear, table[k + 1] - table[k], 0.0) / h if linear.any() else None
+            self._held, self._slope, self._since = table[k], slope, now
             budget -= self._advance(now, now + h, float(time[0]), periods, counters)
             if budget < 0.0:
                 raise UserError(
@@ -145,6 +154,19 @@ class Interpreted:
         return self._rates().copy()
 
     def _integrate(self, now: float, target: float) -> int:
+        """Integrate from one time to another; the number of internal steps is returned, less the last one."""
+        if self._exponential is None:
+            return self._by_runge_kutta(now, target)
+        for spent in range(MAX_STEPS):
+            done = self._exponential.step(now, target, self._x.copy(), self._slope is not None)
+            if done is None:
+                return spent + self._by_runge_kutta(now, target)
+            now, self._x[:] = done
+            if now == target:
+                return spent
+        raise self._exhausted(now)
+
+    def _by_runge_kutta(self, now: float, target: float) -> int:
         for spent in range(MAX_STEPS):
             remaining = target - now
             h = self._hint if self._hint <= 0.999 * remaining else remaining
@@ -165,7 +187,10 @@ class Interpreted:
             if h < MIN_STEP * max(1.0, abs(now)):
                 raise UserError(f"accuracy {self._tolerance:g} cannot be reached at {now:.10g} s")
             self._hint = following
-        raise UserError(f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s")
+        raise self._exhausted(now)
+
+    def _exhausted(self, now: float) -> UserError:
+        return UserError(f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s")
 
     def _try(self, now: float, h: float, x: Array) -> float:
         """Try one step and leave the states at its end; the error returned is relative to the tolerance."""

@@ -42,7 +42,11 @@ Effects = Annotated[
     ),
 ]
 Interpolate = Annotated[
-    bool, typer.Option("--interpolate", help="Inputs go linearly between samples; default each is held.")
+    bool | None,
+    typer.Option(
+        "--interpolate/--no-interpolate",
+        help="Inputs go linearly between samples, or are held; default what the record tells.",
+    ),
 ]
 Hold = Annotated[
     str | None, option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set.")
@@ -70,7 +74,7 @@ def diagnose(
     mapping: Map = None,
     settings: Set = None,
     effects: Effects = None,
-    interpolate: Interpolate = False,
+    interpolate: Interpolate = None,
     hold: Hold = None,
     holdout: Holdout = None,
     result: Json = None,
@@ -88,7 +92,7 @@ def diagnose(
             "--model": model,
             "--with": laid_over,
             "--effects": effects,
-            "--interpolate": interpolate or None,
+            "--interpolate": interpolate,
             "--hold": hold,
             "--holdout": holdout,
             "--report": report,

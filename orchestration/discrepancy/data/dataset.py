@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,14 +20,15 @@ class Dataset:
     time : ndarray, shape (n,)
     inputs, measured : Mapping of str to ndarray, shape (n,)
         NaN in an output is a gap.
-    linear : bool
-        Whether inputs go linearly from sample to sample; else each is held until the next.
+    linear : bool or collection of str, optional
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next. None leaves
+        it to the diagnosis.
     """
 
     time: Array
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
-    linear: bool = False
+    linear: bool | Collection[str] | None = None
 
     def only(self, outputs: Sequence[str]) -> Dataset:
         """Some of the outputs."""

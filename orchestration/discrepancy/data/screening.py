@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +43,13 @@ class DividedData:
     estimation: Dataset
     validation: ValidationData
     notes: list[Note]
+
+    def with_linear(self, linear: Collection[str]) -> DividedData:
+        """The same with other inputs going linearly between samples."""
+        usable, estimation, judged = (
+            replace(data, linear=linear) for data in (self.usable, self.estimation, self.validation.data)
+        )
+        return replace(self, usable=usable, estimation=estimation, validation=replace(self.validation, data=judged))
 
 
 def divided(cls: type[Component], data: Dataset, holdout: Dataset | None, fixed: Mapping[str, float]) -> DividedData:
@@ -98,7 +105,7 @@ def screened(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) ->
         if np.abs(values[np.isfinite(values)]).max(initial=0.0) > _HUGE:
             raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
     try:
-        simulated = CompiledModel(cls).run(data.time, data.inputs, fixed, data.linear).signals
+        simulated = CompiledModel(cls).run(data.time, data.inputs, fixed, data.linear or ()).signals
     except UserError:
         simulated = {}
     usable, faults = assess(data, {o: simulated[o] for o in data.measured if o in simulated})
@@ -136,7 +143,7 @@ def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
     means = {name: np.full_like(values, values.mean()) for name, values in data.inputs.items()}
     try:
         model = CompiledModel(cls)
-        runs = [model.run(data.time, inputs, fixed, data.linear).signals for inputs in (data.inputs, means)]
+        runs = [model.run(data.time, inputs, fixed, data.linear or ()).signals for inputs in (data.inputs, means)]
     except UserError:
         return True
     for output, y in data.measured.items():

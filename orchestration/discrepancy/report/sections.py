@@ -20,6 +20,7 @@ from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED
 from orchestration.discrepancy.residuals.correlation import SIGNIFICANCE
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.identify.metrics import normalised_rms, rms
+from orchestration.records.clock import evenly_sampled
 from orchestration.reporting.page import Markup, Page, escaped
 
 Array = NDArray[np.float64]
@@ -167,7 +168,7 @@ def residuals(made: Page, result: Result) -> None:
     diagnosis = result.diagnosis
     made.heading("What is left")
     models = [shown for shown in _models(diagnosis) if shown.label != NOMINAL]
-    least, step, most = np.quantile(np.diff(diagnosis.estimation.time), [0.05, 0.5, 0.95])
+    best, step = diagnosis.selection.best, np.median(np.diff(diagnosis.estimation.time))
     for output, analysis in diagnosis.residuals.items():
         signal = result.model.outputs[output]
         texts: list[str] = [f"Once the colour of the noise is taken off: {analysis.whiteness.summary()}."]
@@ -185,10 +186,9 @@ def residuals(made: Page, result: Result) -> None:
         texts += [line[:1].upper() + line[1:] + "." for line in dependences]
         made.parts.append(f"<h3>{escaped(output)}</h3>")
         made.items(texts)
-        if most > 2.0 * least:
+        if not evenly_sampled(diagnosis.estimation.time):
             made.text("Sampling is uneven, so there is no spectrum and no autocorrelation to show.")
             continue
-        best = diagnosis.selection.best
         unit, lines = (signal.unit, unit_of_differences(signal)), [line.frequency for line in analysis.lines[:_LISTED]]
         present, noise = best.problem.present[output], best.fit.noise[output]
         spectra, correlations = figures.of_residual(unit, float(step), present, noise, models, output, lines)

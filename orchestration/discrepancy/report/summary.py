@@ -30,6 +30,14 @@ def summary(result: Result) -> dict[str, Any]:
             "holdout_nrmse_after": {o: number(e) for o, e in errors.after.items()},
             "residual_white_after": all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values()),
         },
+        "inputs": {
+            name: {
+                "between_samples": "linear" if choice.linear else "held",
+                "basis": str(choice.basis),
+                "delta_bic": None if choice.margin is None else number(choice.margin),
+            }
+            for name, choice in diagnosis.intersample.items()
+        },
         "notes": [
             {"code": str(note.code), "subject": note.subject, "message": wording.message(note)} for note in result.notes
         ],

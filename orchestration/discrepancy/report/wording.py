@@ -42,6 +42,11 @@ _NOTES = {
     NoteCode.QUANTISED: "steps of {resolution:.4g}, coarser than its noise: nothing finer can be judged",
     NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
     NoteCode.NOTHING_USABLE: "no output is left that could be trusted: nothing can be judged",
+    NoteCode.INTERSAMPLE:
+        "taken to {course} between samples, {basis}{margin}; --interpolate or --no-interpolate forces it",
+    NoteCode.INTERSAMPLE_OPEN:
+        "taken to {course} between samples, {basis}, but the fits do not tell{margin}: the other way, {parameter} "
+        "would be {factor:.4g} times as large; --interpolate or --no-interpolate forces it",
     NoteCode.CONSTANT_INPUT:
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and effects that need "
         "them cannot be told apart",
@@ -126,6 +131,14 @@ def _fact(name: str, value: Any) -> Any:
         return ", ".join(f"{parameter} times {ratio:.3g}" for parameter, ratio in value.items())
     if name == "shares":
         return ", ".join(f"{effect} ({100.0 * share:.0f} %)" for effect, share in value.items())
+    if name == "course":
+        return {"linear": "go in straight lines", "held": "be held"}.get(value, value)
+    if name == "basis":
+        return {"course": "as it moves", "fit": "as the outputs tell", "default": "as nothing tells otherwise"}.get(
+            value, value
+        )
+    if name == "margin":
+        return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
     if name in ("share", "usable"):
         return f"{100.0 * value:.2g} %"
     return ",".join(value) if isinstance(value, tuple) else value

@@ -91,7 +91,7 @@ class Search:
     def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""
         data = self.data
-        return Problem(candidate.cls, data.time, data.inputs, data.measured, names, fixed, data.linear)
+        return Problem(candidate.cls, data.time, data.inputs, data.measured, names, fixed, data.linear or ())
 
     def _problem(self, candidate: Candidate) -> Problem:
         return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)

@@ -87,7 +87,7 @@ class Selection:
         return self.steps[-1].chosen if self.steps else self.base
 
 
-def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
+def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidate | None = None) -> Selection:
     """Look for effects, one at a time.
 
     Parameters
@@ -95,12 +95,14 @@ def select(search: Search, effects: Sequence[type[Effect]]) -> Selection:
     search : Search
     effects : sequence of type[Effect]
         The catalogue.
+    base : FittedCandidate, optional
+        The model without effects, if it is fitted already.
 
     Returns
     -------
     Selection
     """
-    base, near = search.nominal(), search.nominal(NEAR_NOMINAL)
+    base, near = base or search.nominal(), search.nominal(NEAR_NOMINAL)
     overfitted = near.fit.deviance - base.fit.deviance > OVERFITTED
     scored = [score(search, model, effects) for model in ([base, near] if overfitted else [base])]
     silent = unidentifiable(scored[0])

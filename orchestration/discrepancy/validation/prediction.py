@@ -53,7 +53,9 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
     starts = [layout.start_of[state.name] for state in layout.states]
     if not starts:
         return values
-    problem = Problem(model.candidate.cls, before.time, before.inputs, before.measured, starts, values, before.linear)
+    problem = Problem(
+        model.candidate.cls, before.time, before.inputs, before.measured, starts, values, before.linear or ()
+    )
     low, high = problem.bounds()
 
     def weighted(which: int, q: Array) -> Array:

@@ -27,6 +27,7 @@ from orchestration.discrepancy.selection import scoring
 from orchestration.discrepancy.validation.prediction import predict, validated
 from orchestration.fmu.model import find_model
 from tests.support.diagnosis import coloured, rig_record, short_record
+from tests.support.intersample_records import record
 
 Maker = Callable[[pytest.MonkeyPatch], list[Note]]
 SATURATION = EFFECTS["strain_saturation"]
@@ -176,6 +177,17 @@ def ends_early(monkeypatch):
 @makes(NoteCode.NOT_IN_VALIDATION_DATA)
 def not_in_validation_data(monkeypatch):
     return divided(PpyActuator, short_record(), short_record().only(["voltage"]), {}).notes
+
+
+@makes(NoteCode.INTERSAMPLE)
+def intersample(monkeypatch):
+    return diagnose(PpyActuator, record("chirp", False, 1), []).notes
+
+
+@makes(NoteCode.INTERSAMPLE_OPEN)
+def intersample_open(monkeypatch):
+    data = record("multisine", False, 2, duration=40.0, outputs=("voltage",), noise=3.0)
+    return diagnose(PpyActuator, data, [], held=PpyActuator.layout.start_parameters).notes
 
 
 # --- effects --------------------------------------------------------------------------------------------------------

@@ -182,6 +182,32 @@ def test_interpolated_inputs_follow_a_ramp_exactly():
     close(held, slope * 0.5**2 / 2e5 * np.arange(101) * (np.arange(101) - 1) / 2, 1e-8)
 
 
+class TwoIntegrators(Component):
+    """Each input, integrated."""
+
+    name = "two_integrators"
+    u = Input("1")
+    v = Input("1")
+    x = State("s", rate="x_rate", output=True)
+    y = State("s", rate="y_rate", output=True)
+
+    def x_rate(self):
+        return self.u
+
+    def y_rate(self):
+        return self.v
+
+
+@pytest.mark.parametrize("linear", [[], ["u"], ["v"], ["u", "v"]])
+def test_one_input_is_held_while_another_goes_linearly(linear):
+    """The integral of c t is c t^2 / 2 where it is linear, and that of the sample before where it is held."""
+    time, n, step = samples(0.5, 101), np.arange(101), 0.5
+    signals = CompiledModel(TwoIntegrators).run(time, {"u": 2.0 * time, "v": 3.0 * time}, linear=linear).signals
+    exact, held = time**2 / 2, step**2 * n * (n - 1) / 2
+    close(signals["x"], 2.0 * (exact if "u" in linear else held), 1e-12)
+    close(signals["y"], 3.0 * (exact if "v" in linear else held), 1e-12)
+
+
 def test_the_answer_does_not_depend_on_which_sensitivities_are_asked():
     inputs = {"current": square_wave(TIME, 0.9, 0.2), "force": np.ones(TIME.size)}
     alone = CompiledModel(PpyActuator).run(TIME, inputs)

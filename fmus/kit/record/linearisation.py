@@ -1,0 +1,183 @@
+"""What makes a component stiff over a record, and the matrix functions with which its linear part is solved exactly.
+
+The rates are split into A x, where A is their Jacobian at the start of the record, and the rest. Sensitivities are
+states too, and their part of A is as exact: below the Jacobian J of the states themselves stands, for each parameter, a
+block H with the derivatives of the sensitivities' rates by the states, and beside it J again. Such a matrix is kept as
+the stack of J and all H; a function of it is the same stack of that function and of its Frechet derivatives.
+
+The functions are phi_k(z) = sum of z^j / (j + k)! at z = h A for steps h that are halved again and again: a series for
+the shortest, then doubling (Hochbruck, Ostermann: Exponential integrators, Acta Numerica 2010, section 2.1; Skaflestad,
+Wright: The scaling and modified squaring method for matrix functions related to the exponential, 2009).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.symbolic.trace import Graph
+
+Array = NDArray[np.float64]
+# Of the largest eigenvalue and the time between samples, from which on a component is stiff: below, accuracy asks for
+# about as many steps of Runge and Kutta as stability does.
+STIFF = 2.0
+_UNEVEN = 25.0  # times more where samples are not equally spaced, for then a step is made of several
+_SHORTEST = 0.02  # product of the norm of A and the shortest step: the Runge-Kutta method takes what is left in one
+_TERMS = 8  # of the series, whose first that is left out is below rounding then
+_JITTER = 1e-6  # relative, above which an interval between samples is another
+_LOOKED_AT = 5  # samples with whose inputs the eigenvalues are looked at
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Matrix functions for steps of ``largest / 2**k``.
+
+    Attributes
+    ----------
+    largest : float
+        Seconds.
+    affine : bool
+        Whether nothing is left beside A x that changes during a step, other than linearly with the time.
+    matrix : ndarray, shape (1 + p, n, n)
+        A, as the stack of its blocks.
+    phi : ndarray, shape (levels + 2, 3, 1 + p, n, n)
+        phi_1, phi_2 and phi_3 of every step, the longest first; the last two serve as halves and quarters only.
+    """
+
+    largest: float
+    affine: bool
+    matrix: Array
+    phi: Array
+
+    @property
+    def levels(self) -> int:
+        """Steps that may be taken."""
+        return len(self.phi) - 2
+
+
+class Linearisation:
+    """Jacobians of a component and of its sensitivities.
+
+    Parameters
+    ----------
+    base : Graph
+        The component.
+    extended : Graph
+        With its sensitivities, of which the parameters begin with those of the component.
+    """
+
+    def __init__(self, base: Graph, extended: Graph):
+        self._base, self._extended = base, extended
+        self._nominal = np.array([state.nominal for state in base.layout.states])
+
+    def ladder(self, time: Array, table: Array, linear: bool, parameters: Array) -> Ladder | None:
+        """Look at how stiff the component is over a record.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        table : ndarray, shape (n, inputs)
+        linear : bool
+            Whether inputs are interpolated.
+        parameters : ndarray
+            Of the extended graph.
+
+        Returns
+        -------
+        Ladder or None
+            None where it is not stiff, so that the Runge-Kutta method costs least.
+        """
+        steps = np.diff(time)
+        if not (self._nominal.size and steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
+            return None
+        step = float(np.median(steps))
+        even = np.mean(np.abs(steps - step) > _JITTER * step) < 0.5
+        fastest, inputs = self._fastest(float(time[0]), table, parameters)
+        if not step * fastest > (STIFF if even else _UNEVEN * STIFF):
+            return None
+        start = self._start(self._extended, float(time[0]), inputs, parameters)
+        n = self._nominal.size
+        matrix = self._blocks(*start).full().reshape(-1, n, n)
+        if not np.isfinite(matrix).all():
+            return None
+        scaled = matrix[0] * self._nominal / self._nominal[:, None]
+        largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - _JITTER))
+        halvings = max(2, math.ceil(math.log2(largest * float(np.abs(scaled).sum(1).max()) / _SHORTEST)))
+        return Ladder(largest, self._affine[linear], matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
+
+    def _fastest(self, time: float, table: Array, parameters: Array) -> tuple[float, Array]:
+        """Return the largest eigenvalue, in magnitude, at the start with the inputs of some samples; and the inputs."""
+        candidates = []
+        for k in dict.fromkeys(np.linspace(0, len(table) - 1, _LOOKED_AT).astype(int).tolist()):
+            jacobian = self._jacobian(*self._start(self._base, time, table[k], parameters)).full()
+            if np.isfinite(jacobian).all():
+                candidates.append((float(np.abs(np.linalg.eigvals(jacobian)).max()), k))
+        fastest, k = max(candidates, default=(0.0, 0), key=lambda pair: pair[0])
+        return fastest, table[k]
+
+    def _start(self, graph: Graph, time: float, inputs: Array, parameters: Array) -> list[Array | float]:
+        """Arguments of the laws of a graph at the start of the record."""
+        layout = graph.layout
+        index = {p.name: i for i, p in enumerate(layout.parameters)}
+        groups = layout.states, layout.discretes
+        x, z = (parameters[[index[layout.start_of[v.name]] for v in group]] for group in groups)
+        return [time, parameters[: len(index)], inputs, x, z]
+
+    @cached_property
+    def _jacobian(self) -> ca.Function:
+        """J, from the arguments of the component's laws."""
+        return _dense(self._base, ca.jacobian(self._base.rates, self._base.states))
+
+    @cached_property
+    def _blocks(self) -> ca.Function:
+        """J and all H below each other, from the arguments of the extended laws."""
+        return _dense(self._extended, ca.jacobian(self._extended.rates, self._extended.states[: self._nominal.size]))
+
+    @cached_property
+    def _affine(self) -> tuple[bool, bool]:
+        """Whether the rates are affine in the states, the inputs being held; and in states and inputs."""
+        graph = self._base
+        changing = ca.vertcat(graph.time, graph.inputs, graph.states, graph.discretes)
+        timeless = not ca.depends_on(graph.rates, graph.time)
+        held, sloped = (
+            timeless and not (known.numel() and ca.depends_on(ca.jacobian(graph.rates, known), changing))
+            for known in (graph.states, ca.vertcat(graph.states, graph.inputs))
+        )
+        return held, sloped
+
+
+def _dense(graph: Graph, expression: ca.SX) -> ca.Function:
+    return ca.Function("jacobian", graph.arguments, ca.cse([ca.densify(expression)]))
+
+
+def _times(a: Array, b: Array) -> Array:
+    """Product of two matrices, each kept as the stack of its blocks."""
+    product: Array = a[0] @ b
+    product[1:] += a[1:] @ b[0]
+    return product
+
+
+def _phi(z: Array, doublings: int) -> Array:
+    """phi_1, phi_2 and phi_3 at z and after doublings of z, the last first."""
+    one = np.zeros_like(z)
+    one[0] = np.eye(z.shape[-1])
+    third = one / math.factorial(_TERMS + 3)
+    for j in reversed(range(_TERMS)):  # Horner's scheme
+        third = _times(z, third) + one / math.factorial(j + 3)
+    second = _times(z, third) + 0.5 * one
+    first = _times(z, second) + one
+    exponential = _times(z, first) + one
+    ladder = [np.stack([first, second, third])]
+    for _ in range(doublings):
+        third = 0.125 * (_times(exponential, third) + 0.5 * first + second + third)
+        second = 0.25 * (_times(exponential, second) + first + second)
+        first = 0.5 * (_times(exponential, first) + first)
+        exponential = _times(exponential, exponential)
+        ladder.append(np.stack([first, second, third]))
+    return np.ascontiguousarray(ladder[::-1])

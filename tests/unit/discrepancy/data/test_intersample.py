@@ -1,0 +1,54 @@
+"""How an input goes from sample to sample: in steps with rest between them, or smoothly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orchestration.discrepancy.data.intersample import Course, course, white_noise
+from tests.support.intersample_records import stimulus
+
+SMOOTH, STEPS = ("chirp", "multisine", "triangle"), ("square", "prbs", "multilevel")
+
+
+def at(kind: str, rate: float, seed: int = 1):
+    return stimulus(kind, np.arange(round(120.0 * rate)) / rate, seed, rate)
+
+
+@pytest.mark.parametrize(
+    ("rate", "noise"),
+    [(rate, noise) for rate in (1.0, 10.0, 50.0) for noise in (0.0, 0.001, 0.005)] + [(10.0, 0.02), (50.0, 0.02)],
+)
+@pytest.mark.parametrize("kind", [*SMOOTH, *STEPS])
+def test_steps_are_told_from_a_smooth_course_whatever_the_noise(kind, noise, rate):
+    values = at(kind, rate)
+    measured = values + noise * np.ptp(values) * np.random.default_rng(2).standard_normal(len(values))
+    assert course(measured) is (Course.SMOOTH if kind in SMOOTH else Course.STEPS)
+
+
+@pytest.mark.parametrize("kind", [*SMOOTH, *STEPS])
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_the_steps_of_a_recorder_are_none_of_the_input(kind, bits):
+    values = at(kind, 50.0)
+    grid = np.ptp(values) / 2**bits
+    assert course(np.round(values / grid) * grid) is (Course.SMOOTH if kind in SMOOTH else Course.STEPS)
+
+
+def test_a_slow_sine_is_smooth_though_its_recorder_repeats_values():
+    values = np.round(2000.0 * np.sin(2.0 * np.pi * np.arange(6000) / 6000.0))
+    assert np.mean(np.diff(values) == 0.0) > 0.1
+    assert course(values) is Course.SMOOTH
+
+
+def test_an_input_of_which_every_sample_is_another_does_not_tell():
+    assert course(at("every sample", 10.0)) is Course.UNCLEAR
+    assert course(np.random.default_rng(1).choice([-1.0, 1.0], 3000)) is not Course.SMOOTH
+    assert course(np.ones(100)) is Course.STILL
+
+
+@pytest.mark.parametrize("kind", [*SMOOTH, *STEPS])
+def test_white_noise_is_seen_beside_a_smooth_course_and_beside_steps(kind):
+    values = at(kind, 10.0)
+    noise = 0.005 * np.random.default_rng(3).standard_normal(len(values))
+    assert white_noise(values + noise) == pytest.approx(0.005, rel=0.35)
+    assert white_noise(values) < 0.0015

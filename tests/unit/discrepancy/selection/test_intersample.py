@@ -1,0 +1,92 @@
+"""Claims: what inputs do between samples is found from the record, and estimates are unbiased for it.
+
+The records are SciPy's: currents that are functions of time between the samples, or held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.selection.intersample import Basis
+from tests.support.diagnosis import short_record
+from tests.support.intersample_records import TRUE, record
+
+AT_REST = ("charge_start", "kelvin_elongation_start", "maxwell_elongation_start")
+SMOOTH, STEPS = ("chirp", "multisine", "triangle"), ("square", "prbs", "multilevel")
+
+
+def judged(data: Dataset):
+    return diagnose(PpyActuator, data, [], held=AT_REST)
+
+
+def standardised(diagnosis, name: str) -> float:
+    """Error of an estimate over its standard error."""
+    estimate = diagnosis.estimates[name]
+    low, high = estimate.interval
+    return float((estimate.value - TRUE[name]) / ((high - low) / 3.92))
+
+
+@pytest.mark.parametrize(
+    ("kind", "held"), [*((k, False) for k in SMOOTH), *((k, True) for k in (*STEPS, "chirp", "every sample"))]
+)
+def test_the_series_resistance_is_unbiased(kind, held):
+    """Held in place of smooth or the reverse, it would be off by T/2C: 4 %, dozens of standard errors."""
+    deviations = []
+    for seed in range(6):
+        diagnosis = judged(record(kind, held, seed, force="multilevel"))
+        assert diagnosis.intersample["current"].linear is not held
+        assert not diagnosis.intersample["force"].linear
+        assert diagnosis.verdict == "recalibrate"
+        deviations.append(standardised(diagnosis, "R1"))
+    assert abs(np.mean(deviations)) < 3.3 / np.sqrt(6)
+    assert np.abs(deviations).max() < 4.0
+
+
+def test_inputs_may_differ():
+    """A current in steps beside a force that is smooth: the force alone goes linearly."""
+    chosen = judged(record("square", True, 1, force="multisine", force_held=False)).intersample
+    assert {name: choice.linear for name, choice in chosen.items()} == {"current": False, "force": True}
+
+
+def test_a_held_chirp_is_found_by_the_fits_and_said():
+    diagnosis = judged(record("chirp", True, 1))
+    choice = diagnosis.intersample["current"]
+    assert (choice.basis, choice.linear) == (Basis.FIT, False)
+    assert choice.margin > 100.0
+    (note,) = [note for note in diagnosis.notes if note.code is NoteCode.INTERSAMPLE]
+    assert wording.message(note).startswith("current: taken to be held between samples, as the outputs tell (BIC falls")
+
+
+def test_what_is_given_is_not_asked_of_the_record():
+    data = record("chirp", True, 1)
+    for linear in (True, False):
+        diagnosis = judged(replace(data, linear=linear))
+        assert diagnosis.intersample["current"].linear is linear
+        assert diagnosis.intersample["current"].basis is Basis.GIVEN
+        assert NoteCode.INTERSAMPLE not in {note.code for note in diagnosis.notes}
+    assert judged(replace(data, linear=False)).after["voltage"] < judged(replace(data, linear=True)).after["voltage"]
+
+
+def test_where_the_fits_do_not_tell_it_is_said_what_hangs_on_it():
+    """Of the voltage alone, and that for a few seconds, R1 and half a sample of the charge are the same."""
+    diagnosis = judged(record("multisine", False, 2, duration=40.0, rate=10.0, outputs=("voltage",), noise=3.0))
+    choice = diagnosis.intersample["current"]
+    assert (choice.linear, choice.basis, choice.hangs) == (True, Basis.COURSE, "R1")
+    assert choice.factor == pytest.approx(1.0 + 0.1 / (2.0 * TRUE["C"] * TRUE["R1"]), rel=0.01)
+    (note,) = [note for note in diagnosis.notes if note.code is NoteCode.INTERSAMPLE_OPEN]
+    assert "the other way, R1 would be 1.0" in wording.message(note)
+
+
+@pytest.mark.parametrize("hidden", ["strain_lag", "transport_delay", "sensor_lag", "diffusion"])
+def test_what_the_model_lacks_is_not_taken_for_the_input(hidden):
+    """Inputs of the rig are held; a lag that the model does not have looks like part of a sample."""
+    chosen = diagnose(PpyActuator, short_record(hidden), []).intersample
+    assert {choice.linear for choice in chosen.values()} == {False}

@@ -1,0 +1,223 @@
+"""Claims: what is stiff over a record is followed as accurately as what is not, sensitivities included, in few steps.
+
+Oracle: SciPy's Radau at rtol 1e-10 on the equations written anew here, with their variational equations.
+"""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from fmus.kit import Component, Discrete, Input, Output, Parameter, State, maximum
+from fmus.kit.record import compiled as kit_compiled
+from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.record.linearisation import Linearisation
+from fmus.kit.symbolic.trace import trace
+from fmus.ppy_actuator.model import PpyActuator
+
+
+@pytest.fixture(params=["compiled", "interpreted"], autouse=True)
+def engine(request, monkeypatch):
+    """Every claim holds with a C compiler and without."""
+    monkeypatch.setattr(kit_compiled, "_compiler", lambda: request.param == "compiled")
+    return request.param
+
+
+class Drive(Component):
+    """A coil that moves a mass against a spring: a fast electrical and a slow mechanical part."""
+
+    name = "drive"
+
+    R = Parameter(3.0, "ohm", min=1e-3)
+    L = Parameter(1e-3, "H", min=1e-9)
+    K = Parameter(4.0, "N/A", min=0)
+    m = Parameter(0.3, "kg", min=1e-6)
+    b = Parameter(1.5, "N*s/m", min=0)
+    k = Parameter(20.0, "N/m", min=0)
+    voltage = Input("V")
+    current = State("A", rate="current_rate", output=True)
+    position = State("m", rate="position_rate", nominal=0.1, output=True)
+    velocity = State("m/s", rate="velocity_rate")
+
+    def current_rate(self):
+        return (self.voltage - self.R * self.current - self.K * self.velocity) / self.L
+
+    def position_rate(self):
+        return self.velocity
+
+    def spring(self):
+        return self.k * self.position
+
+    def velocity_rate(self):
+        return (self.K * self.current - self.b * self.velocity - self.spring()) / self.m
+
+    @Output("N")
+    def force(self):
+        """Of the coil."""
+        return self.K * self.current
+
+
+class Nonlinear(Drive):
+    """The same with a spring that hardens, and a stop."""
+
+    name = "nonlinear"
+
+    hardening = Parameter(300.0, "N/m^3", min=0, nominal=100.0)
+    stop = Parameter(0.0, "N/m", min=0, nominal=100.0)
+    edge = Parameter(0.1, "m", min=0)
+
+    def spring(self):
+        x = self.position
+        return self.k * x + self.hardening * x * x * x + self.stop * maximum(x - self.edge, 0.0)
+
+
+NOMINAL = {"current": 1.0, "position": 0.1, "velocity": 1.0}
+SIZE = {"R": 3.0, "L": 1e-3, "K": 4.0, "m": 0.3, "b": 1.5, "k": 20.0, "hardening": 300.0, "stop": 100.0}
+HARD, STOPPED = {"hardening": 900.0, "stop": 0.0}, {"hardening": 300.0, "stop": 250.0}
+STEP = 0.05
+
+
+def voltage_at(samples):
+    """A staircase (V), one value for a sample."""
+    return np.repeat([0.5, 2.0, -1.0, 1.5, 0.3], math.ceil(samples / 5))[:samples]
+
+
+@cache
+def oracle(given, time, linear):
+    """States (n, 3) and their derivatives (n, 3, 8) by Radau, from sample to sample."""
+    at = SIZE | {"hardening": 0.0, "stop": 0.0, "edge": 0.1} | dict(given)
+    voltage, names = voltage_at(len(time)), list(SIZE)
+
+    def flow(t, both, u, slope, since):
+        v = u + slope * (t - since)
+        i, x, w = both[:3]
+        R, L, K, m, b, k, h, s = (at[n] for n in names)
+        over = max(x - at["edge"], 0.0)
+        beyond = float(over > 0.0)
+        force = K * i - b * w - k * x - h * x**3 - s * over
+        f = np.array([(v - R * i - K * w) / L, w, force / m])
+        J = np.array([[-R / L, 0, -K / L], [0, 0, 1], [K / m, -(k + 3 * h * x**2 + s * beyond) / m, -b / m]])
+        by = np.zeros((3, 8))
+        by[0, :3] = -i / L, -f[0] / L, -w / L
+        by[2, 2:] = i / m, -f[2] / m, -w / m, -x / m, -(x**3) / m, -over / m
+        return np.concatenate([f, (J @ both[3:].reshape(3, 8) + by).ravel()])
+
+    found = [np.zeros(27)]
+    for n in range(len(time) - 1):
+        h = time[n + 1] - time[n]
+        slope = (voltage[n + 1] - voltage[n]) / h if linear else 0.0
+        solved = solve_ivp(
+            flow, (time[n], time[n + 1]), found[-1], "Radau", rtol=1e-10, atol=1e-13,
+            args=(voltage[n], slope, time[n]),
+        )  # fmt: skip
+        found.append(solved.y[:, -1])
+    all_of_them = np.array(found)
+    return all_of_them[:, :3], all_of_them[:, 3:].reshape(-1, 3, 8)
+
+
+def followed(cls, values, time, linear=False, tolerance=3e-8):
+    """Hold a component against the oracle, relative to the largest value of every signal and its declared size."""
+    states, slopes = oracle(tuple(values.items()), tuple(time.tolist()), linear)
+    names = list(SIZE)[: 6 if cls is Drive else 8]
+    ran = CompiledModel(cls, names).run(time, {"voltage": voltage_at(len(time))}, values, linear)
+    for k, name in enumerate(("current", "position", "velocity")):
+        error = np.abs(ran.signals[name] - states[:, k]).max() / np.abs(states[:, k]).max()
+        assert error < tolerance, (name, error)
+        for i, parameter in enumerate(names):
+            exact, declared = slopes[:, k, i], NOMINAL[name] / SIZE[parameter]
+            error = np.abs(ran.sensitivities[name][:, i] - exact).max() / (np.abs(exact).max() + declared)
+            assert error < tolerance, (name, parameter, error)
+
+
+def ladder_of(time, cls=Drive, linear=False, inputs=1):
+    """What is prepared for a record, of which only the clock counts here."""
+    graph = trace(cls)
+    parameters = np.array([float(p.start) for p in graph.layout.parameters])
+    return Linearisation(graph, graph).ladder(time, np.ones((len(time), inputs)), linear, parameters)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize(
+    ("cls", "values"), [(Drive, {}), (Nonlinear, HARD), (Nonlinear, STOPPED)], ids=["linear", "hardening", "stop"]
+)
+def test_a_stiff_component_and_its_sensitivities_follow_radau(cls, values, linear):
+    followed(cls, values, STEP * np.arange(40), linear)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_uneven_samples_are_followed_too(linear):
+    time = np.cumsum(np.random.default_rng(4).choice([0.03, 0.05, 0.0713, 0.2], 10))
+    followed(Nonlinear, HARD | {"L": 2e-4}, time, linear)
+
+
+def test_what_is_linear_takes_one_step_a_sample_however_stiff():
+    time = STEP * np.arange(400)
+    model, voltage = CompiledModel(Drive), {"voltage": voltage_at(400)}
+    for L in (1e-3, 1e-6, 1e-9):
+        model.run(time, voltage, {"L": L}, effort=2.0)
+    # beside what is linear the stop and the hardening are slow
+    CompiledModel(Nonlinear).run(time, voltage, STOPPED | {"L": 1e-6}, effort=4.0)
+
+
+def test_the_integrator_is_chosen_by_the_eigenvalues_and_the_clock():
+    even = STEP * np.arange(100)
+    fastest = 3.0 / 1e-3
+    assert ladder_of(even).affine
+    assert ladder_of(even, linear=True).affine
+    assert not ladder_of(even, Nonlinear).affine
+    assert ladder_of(even * 1.0 / (fastest * STEP)) is None
+    uneven = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 100)) * 30.0 / fastest
+    assert ladder_of(uneven) is None  # each sample would be made of several steps
+    assert ladder_of(10.0 * uneven) is not None
+    assert ladder_of(0.1 * np.arange(100), PpyActuator, inputs=2) is None
+    assert ladder_of(np.array([0.0, 1.0, 1.0])) is None  # refused by the simulation, in its words
+
+
+def test_matrix_functions_are_those_of_higher_precision():
+    """phi_k by their definition as integrals, in the top right of the exponential of an augmented matrix (Saad)."""
+    ladder = ladder_of(STEP * np.arange(10))
+    n = len(ladder.matrix[0])
+    for level in (0, 3, ladder.levels):
+        h = ladder.largest / 2**level
+        for order in (1, 2, 3):
+            augmented = np.zeros((n * (order + 1),) * 2)
+            augmented[:n, :n] = h * ladder.matrix[0]
+            for k in range(order):
+                augmented[k * n : (k + 1) * n, (k + 1) * n : (k + 2) * n] = np.eye(n)
+            exact = expm(augmented)[:n, -n:]
+            found = ladder.phi[level, order - 1, 0]
+            np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12 * np.abs(exact).max())
+
+
+class Followed(Component):
+    """A fast lag behind a level that is set at sample instants."""
+
+    name = "followed"
+
+    a = Parameter(400.0, "1/s", min=1e-6)
+    gain = Parameter(0.6, "1")
+    reference = Input("1", start=1.0)
+    x = State("1", rate="x_rate", start=0.2, output=True)
+    level = Discrete("1", update="next_level", period=0.3)
+
+    def x_rate(self):
+        return self.a * (self.level - self.x)
+
+    def next_level(self):
+        return self.level + self.gain * (self.reference - self.x)
+
+
+def test_sample_instants_between_samples_are_exact():
+    """The level follows the state, which has settled to it: a geometric series, and its derivative by the gain."""
+    time = 0.2 * np.arange(31)
+    ran = CompiledModel(Followed, ["gain"]).run(time, {})
+    # an instant that falls on a sample is not seen there yet; 40 time constants after the latest nothing is left
+    updates = np.ceil(time / 0.3 - 1e-9)[1:]
+    first = 0.6 * (1.0 - 0.2)  # level after the first update, when the state was still 0.2
+    exact = 1.0 - (1.0 - first) * 0.4 ** (updates - 1.0)
+    by_gain = 0.8 * 0.4 ** (updates - 1.0) + (1.0 - first) * (updates - 1.0) * 0.4 ** (updates - 2.0)
+    np.testing.assert_allclose(ran.signals["x"][1:], exact, rtol=1e-9)
+    np.testing.assert_allclose(ran.sensitivities["x"][1:, 0], by_gain, rtol=1e-7, atol=1e-9)
