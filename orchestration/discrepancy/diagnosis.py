@@ -17,6 +17,8 @@ from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.screening import divided, is_excited
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, analyse_residuals
+from orchestration.discrepancy.residuals.innovations import power
+from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import intersample
 from orchestration.discrepancy.selection.intersample import Intersample
 from orchestration.discrepancy.selection.search import Search
@@ -169,6 +171,7 @@ def diagnose(
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
         *_confounders(selection),
+        *remarks(residuals),
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
     ]
     if inconclusive:
@@ -215,10 +218,10 @@ def _verdict(selection: Selection, residuals: Mapping[str, ResidualAnalysis], ch
         return Verdict.UNEXPLAINED
     # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
     before, after = selection.base.fit, selection.best.fit
-    noise = {o: n.deviation**2 for o, n in after.noise.items()}
-    excess = {o: np.var(after.residual[o]) - noise[o] for o in residuals}
+    noise = {o: power(after.innovation[o]) * n.deviation**2 for o, n in after.noise.items()}
     small = {
-        o: bool(selection.steps) and excess[o] < TOLERATED_STRUCTURE * (np.var(before.residual[o]) - noise[o])
+        o: bool(selection.steps)
+        and power(after.residual[o]) - noise[o] < TOLERATED_STRUCTURE * (power(before.residual[o]) - noise[o])
         for o in residuals
     }
     if any(analysis.structure and not small[o] for o, analysis in residuals.items()):

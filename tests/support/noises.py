@@ -154,3 +154,7 @@ KINDS: dict[str, Callable[[int], Clean]] = {
        for share in (0.5, 0.3, 0.1)},
     "steps, no noise": lambda s: clean(s, gaussian(), 0.0, 0.02),
 }  # fmt: skip
+LOOPS: dict[str, Callable[[int], Clean]] = {
+    f"loop, gain {gain:g}, {late} late, AR {pole:g}": lambda s, g=gain, k=late, p=pole: controlled(s, gaussian(p), g, k)
+    for gain in (0.5, 2.0) for late in (0, 1, 3) for pole in (0.0, 0.9)
+}  # fmt: skip

@@ -146,8 +146,8 @@ def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask])
 def resting(y: Array, equal: Sequence[tuple[int, int]]) -> set[tuple[int, int]]:
     """Runs of equal samples at which a plant may stand: in a dead zone, held by dry friction, at a stop.
 
-    A plant comes to rest where it has been at rest before, at an end of its way, or more and more slowly; and it goes on
-    from there. A sensor that hangs or dies stops anywhere, and when it is back, it jumps to where the plant is.
+    A plant comes to rest where it has been at rest before, at an end of its way, or more and more slowly; and it goes
+    on from there. A sensor that hangs or dies stops anywhere, and when it is back, it jumps to where the plant is.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ class ResidualAnalysis:
         if not self.even:
             return [*means]
         walk = [self.random_walk] if self.random_walk.significant and self.random_walk.rms > self.rounding else []
-        steps = [self.input_steps] if self.input_steps.p_value < ALPHA else []
+        steps = [self.input_steps] if self.input_steps.significant else []
         return [*walk, *steps, *means, *(c for c in self.correlations if c.p_value < ALPHA)]
 
 

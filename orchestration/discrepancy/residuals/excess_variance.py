@@ -13,6 +13,8 @@ from orchestration.discrepancy.residuals.innovations import Innovations
 from orchestration.discrepancy.residuals.jumps import input_steps
 
 Array = NDArray[np.float64]
+ALPHA = 1e-6  # probability in noise of one level
+_NOTABLE = 1.5  # ratio of variances
 _FEW = 10  # samples with steps of an input that it takes to judge them
 
 
@@ -30,6 +32,11 @@ class ExcessVariance:
 
     ratio: float
     p_value: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is beyond what noise does whose level jumps with the output, where no division quite follows it."""
+        return self.p_value < ALPHA and self.ratio > _NOTABLE
 
 
 def excess_variance_at_input_steps(

@@ -118,6 +118,13 @@ def normal_scores(values: Array) -> Array:
     return np.asarray(norm.ppf(rankdata(values) / (values.size + 1.0)))
 
 
+def power(values: Array) -> float:
+    """Mean square of values (k,) about their mean, as far as single ones far out do not make it."""
+    centred = np.abs(values - values.mean()) if values.size else values
+    spread = float(np.median(centred)) / float(norm.ppf(0.75)) if values.size else 0.0
+    return float(np.mean(np.minimum(centred, _BOUND * spread if spread > 0.0 else np.inf) ** 2)) if values.size else 0.0
+
+
 def _in_time(modulus: Array) -> Array:
     """Local mean of moduli, from window to window and linearly between their middles."""
     count = int(np.clip(modulus.size // _WINDOW, 1, _WINDOWS))

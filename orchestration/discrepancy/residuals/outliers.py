@@ -13,11 +13,12 @@ from orchestration.discrepancy.residuals.jumps import SETTLING_SAMPLES, input_st
 
 Array = NDArray[np.float64]
 _FAR = 6.0  # standard deviations by which a sample leaves the middle between its neighbours
+_OFTEN = 0.15  # of the steps of inputs, above which what is seen just after them is no outlier of a sensor
 _ALONE = 1.3  # times as far as either of them does: a step leaves two samples behind alike, an outlier is twice as far
 
 
 def outlying(residual: Array, inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Find samples far from the middle between their neighbours, where no input steps.
+    """Find samples far from the middle between their neighbours.
 
     Far is by the robust deviation there (Hampel's identifier). An outlier of a sensor is one sample long, and an
     autoregression that takes it for an innovation expects it to last.
@@ -26,7 +27,7 @@ def outlying(residual: Array, inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
     ----------
     residual : ndarray, shape (n,)
     inputs : Mapping of str to ndarray, shape (n,)
-        At the same samples; what happens just after one of them steps may be the model's doing.
+        At the same samples.
 
     Returns
     -------
@@ -39,8 +40,11 @@ def outlying(residual: Array, inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
     if not spread > 0.0:
         return np.zeros(residual.size, dtype=bool)
     beside = np.maximum(np.roll(aside, 1), np.roll(aside, -1))
-    moved = np.convolve(input_steps(inputs, residual.size), np.ones(SETTLING_SAMPLES), "full")[: residual.size] > 0.0
-    return np.asarray((aside > _FAR * spread * level) & (aside > _ALONE * beside) & ~moved)
+    far = (aside > _FAR * spread * level) & (aside > _ALONE * beside)
+    steps = input_steps(inputs, residual.size)
+    moved = np.convolve(steps, np.ones(SETTLING_SAMPLES), "full")[: residual.size] > 0.0
+    # what happens again and again just after an input steps may be the model's doing
+    return np.asarray(far & ~moved if (far & moved).sum() > _OFTEN * steps.sum() else far)
 
 
 def without(residual: Array, where: NDArray[np.bool_]) -> Array:
