@@ -3,13 +3,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo hil-demo test test-slow naming hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: demo hil-demo test test-slow naming clean-study hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take minutes"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records"
+	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
 	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
@@ -24,6 +25,10 @@ test: $(VENV)/installed-dev check chromium
 
 test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -m slow
+
+clean-study: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.clean
+	$(BIN)/python -m benchmarks.public
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2

@@ -25,6 +25,7 @@ from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
+from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
 from orchestration.identify.estimate import Estimate
 
 DEGRADED = 1.1  # times the error before, above which it has grown
@@ -60,6 +61,9 @@ class Diagnosis:
         By output, of the best model over the estimation data.
     before, after : dict of str to float
         Normalised RMS error on the validation data, of the refitted base and of the best model, by output.
+    fitted_errors, judged_errors : dict of str to dict of str to float
+        Normalised RMS errors of free runs over the estimation and the validation data, by model and output; see
+        `errors_side_by_side`.
     estimation : Dataset
         What was fitted to.
     validation : ValidationData
@@ -79,6 +83,8 @@ class Diagnosis:
     residuals: dict[str, ResidualAnalysis]
     before: dict[str, float]
     after: dict[str, float]
+    fitted_errors: Errors
+    judged_errors: Errors
     estimation: Dataset
     validation: ValidationData
     final: FittedCandidate
@@ -157,13 +163,15 @@ def diagnose(
         parts = parts.with_linear(intersample.linear(chosen))
     estimation, validation = parts.estimation, parts.validation
     selection = Selection(base) if inconclusive else select(search, effects, base)
-    selection, predictions, dropped = validated(selection, validation)
-    final = replace(search, data=parts.usable).refit(selection.best) if validation.continued else selection.best
+    selection, predictions, dropped = validated(_trusted(search, selection), validation)
+    whole = replace(search, data=parts.usable)
+    final = whole.trusted(whole.refit(selection.best)) if validation.continued else selection.best
     values = estimates(final)
     changed = [] if inconclusive else significantly_changed(final, search.parameters)
     odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
     residuals = analyse_residuals(selection.best, estimation)
     before, after = predictions[0].errors, predictions[-1].errors
+    errors = errors_side_by_side(selection.base, selection.best, validation)
     notes = [
         *_excitation_notes(parts.notes, estimation, excited, starts),
         *intersample.remarks(chosen),
@@ -179,8 +187,26 @@ def diagnose(
     else:
         verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed)
     return Diagnosis(
-        verdict, selection, values, changed, residuals, before, after, estimation, validation, final, notes, chosen
+        verdict,
+        selection,
+        values,
+        changed,
+        residuals,
+        before,
+        after,
+        *errors,
+        estimation,
+        validation,
+        final,
+        notes,
+        chosen,
     )
+
+
+def _trusted(search: Search, selection: Selection) -> Selection:
+    """Return a selection with the fits that are reported."""
+    steps = [replace(step, chosen=search.trusted(step.chosen)) for step in selection.steps]
+    return replace(selection, base=search.trusted(selection.base), steps=steps)
 
 
 def _excitation_notes(notes: Sequence[Note], data: Dataset, excited: bool, starts: tuple[str, ...]) -> list[Note]:

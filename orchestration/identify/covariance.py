@@ -85,4 +85,24 @@ def sandwich(bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise
     Covariance
     """
     scores = np.vstack([n.backwards(j) for n, j in zip(noise, jacobian, strict=True)])
-    return replace(bread, matrix=bread.matrix @ (scores.T @ scores) @ bread.matrix)
+    halves = scores @ bread.matrix
+    return replace(bread, matrix=halves.T @ halves)
+
+
+def heteroscedastic(bread: Covariance, scores: Array) -> Covariance:
+    """Widen a covariance where the level of the noise varies with what the derivatives do.
+
+    White's estimate (Econometrica 48, 1980) is taken where it is larger: few scores tell little of their spread.
+
+    Parameters
+    ----------
+    bread : Covariance
+        Inverse of the information.
+    scores : ndarray, shape (m, p)
+        Of every innovation.
+    """
+    m, p = scores.shape
+    robust = ((scores @ bread.matrix) ** 2).sum(axis=0) * m / max(m - p, 1)
+    plain = np.diag(bread.matrix)
+    wider = np.sqrt(np.maximum(np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0), 1.0))
+    return replace(bread, matrix=bread.matrix * np.outer(wider, wider))

@@ -129,7 +129,7 @@ def fit(
         if not declared.min <= problem.start[name] <= declared.max:
             start = shown(problem.start[name], declared)
             raise UserError(f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}")
-    noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0, 0) for o, y in problem.measured.items()}
+    noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0) for o, y in problem.measured.items()}
     fitted = prediction_error.fit(problem, problem.position(problem.start), noise, method=_METHOD)
     intervals, warnings = _intervals(problem, fitted)
     if not fitted.converged:
@@ -148,8 +148,10 @@ def fit(
 def _intervals(problem: Problem, fitted: FitResult) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """95 % intervals, and a sentence for parameters that the record does not determine."""
     slopes = problem.evaluate(fitted.q)[1]
-    weighted = {o: n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()}
-    noise = [Noise(c, np.sqrt(v)) for c, v in map(autoregression, fitted.innovation.values())]
+    information = {o: np.sqrt(n.information) for o, n in fitted.noise.items()}
+    weighted = {o: information[o] * n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()}
+    scores = {o: fitted.weights[o] * fitted.innovation[o] / information[o] for o in fitted.noise}
+    noise = [Noise(c, np.sqrt(v)) for c, v in map(autoregression, scores.values())]
     spread = sandwich(fitted.covariance, weighted.values(), noise)
     unidentifiable = set(np.flatnonzero(spread.unidentifiable).tolist())
     silent = set(np.flatnonzero(np.diag(fitted.information) == 0.0).tolist())

@@ -1,41 +1,65 @@
-"""The noise of an output: an autoregression of its residual, and the filter that makes it white (Box and Jenkins)."""
+"""The noise of an output: an autoregression of its residual, and the filter that makes it white (Box and Jenkins).
+
+Innovations are Gaussian, or where samples far out are too many for that, of Student's t distribution, which weighs them
+by how likely they are (Lange, Little, Taylor: J. Amer. Statist. Assoc. 84, 1989).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from math import comb
+from math import comb, inf
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov, solve_triangular
 from scipy.signal import lfilter
 from scipy.stats import norm
+from scipy.stats import t as student
+
+from orchestration.identify.tails import heavy_tails
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
 _LEAST = 1e-100  # deviation: a derivative over it must still have a square
+_STATIONARY = 1.0 - 1e-9  # largest modulus of a pole; beyond, a first sample would have no variance
+_FAR = 4.0  # robust deviations at which a sample of a heavy tail is held while correlations are estimated
 
 
 @dataclass(frozen=True)
 class Noise:
-    """``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]`` with white w.
+    """``e[k] = sum_i coefficients[i] e[k-1-i] + deviation w[k]`` with white w.
 
     Attributes
     ----------
     coefficients : ndarray, shape (p,)
     deviation : float
-        Standard deviation of w, in the unit of the output.
-    memory : int
-        Samples dropped after every gap, the same for every candidate of one record, whatever the order that it takes.
+        Scale of an innovation in the unit of the output: its standard deviation if it is Gaussian.
+    freedom : float
+        Degrees of freedom of Student's t distribution; infinite if innovations are Gaussian.
     """
 
     coefficients: Array
     deviation: float
-    memory: int = ORDER
+    freedom: float = inf
+
+    @property
+    def parameters(self) -> int:
+        """How many were estimated beside the deviation."""
+        return len(self.coefficients) + int(self.freedom < inf)
+
+    @property
+    def information(self) -> float:
+        """What a sample tells of a mean, times its variance if it were Gaussian (Lange, Little, Taylor)."""
+        return 1.0 if self.freedom == inf else (self.freedom + 1.0) / (self.freedom + 3.0)
 
     def whiten(self, values: Array, present: NDArray[np.bool_]) -> Array:
-        """Filter a residual, or every column of its Jacobian, into innovations over their standard deviation.
+        """Filter a residual, or every column of its Jacobian, into innovations over their deviation.
+
+        The likelihood is exact: the first samples after a gap are held against what the stationary process lets them
+        be (Box, Jenkins, Reinsel: Time Series Analysis, section 7.1.2), so that none is lost.
 
         Parameters
         ----------
@@ -46,10 +70,46 @@ class Noise:
 
         Returns
         -------
-        ndarray, shape (m - dropped,) or (m - dropped, p)
+        ndarray, shape (m,) or (m, p)
         """
-        pieces = [self._filtered(values[a:b]) for a, b in segments(present, self.memory)]
+        pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
         return np.concatenate(pieces) if pieces else values[:0]
+
+    def weights(self, innovation: Array) -> Array:
+        """How much every innovation counts in a sum of squares that has its optimum where the likelihood has.
+
+        Parameters
+        ----------
+        innovation : ndarray, shape (m,)
+            Over its deviation.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+        """
+        if self.freedom == inf:
+            return np.ones_like(innovation)
+        return np.asarray((self.freedom + 1.0) / (self.freedom + innovation**2))
+
+    def deviance(self, innovation: Array, present: NDArray[np.bool_]) -> float:
+        """Minus twice the logarithm of a likelihood, less that of as many Gaussian samples of unit density at zero.
+
+        Parameters
+        ----------
+        innovation : ndarray, shape (m,)
+            As :meth:`whiten` gives it.
+        present : ndarray of bool, shape (n,)
+        """
+        n = len(innovation)
+        if self.freedom == inf:
+            shape = float(innovation @ innovation)
+        else:
+            shape = -float(2.0 * student.logpdf(innovation, self.freedom).sum()) - n * float(np.log(2.0 * np.pi))
+        first = 0.0  # the first samples scatter more than innovations do
+        if p := len(self.coefficients):
+            spread = np.log(np.diag(self._start))
+            first = sum(float(spread[: min(b - a, p)].sum()) for a, b in segments(present))
+        return shape + 2.0 * n * float(np.log(self.deviation)) + 2.0 * first
 
     def backwards(self, values: Array) -> Array:
         """Filter the columns of a Jacobian by the noise model, backwards in time.
@@ -67,36 +127,69 @@ class Noise:
         """
         return np.asarray(lfilter([self.deviation], [1.0, *-self.coefficients], values[::-1], axis=0)[::-1])
 
-    def kept(self, present: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return the samples that innovations belong to.
-
-        Parameters
-        ----------
-        present : ndarray of bool, shape (n,)
-
-        Returns
-        -------
-        ndarray of int, shape (m - dropped,)
-        """
-        where = np.flatnonzero(present)
-        return np.concatenate([where[:0], *(where[a + self.memory : b] for a, b in segments(present, self.memory))])
+    @cached_property
+    def _start(self) -> Array:
+        """Lower Cholesky factor (p, p) of the covariance of as many samples as the memory is long, over its square."""
+        p = len(self.coefficients)
+        companion = np.eye(p, k=-1)
+        companion[0] = self.coefficients
+        radius = float(np.abs(np.linalg.eigvals(companion)).max(initial=0.0))
+        companion *= min(1.0, _STATIONARY / max(radius, _STATIONARY))
+        drive = np.zeros((p, p))
+        drive[0, 0] = 1.0
+        return np.asarray(np.linalg.cholesky(solve_discrete_lyapunov(companion, drive)), dtype=np.float64)
 
     def _filtered(self, piece: Array) -> Array:
-        n = len(piece)
-        result = piece[self.memory :].copy()
+        n, p = len(piece), len(self.coefficients)
+        k = min(n, p)
+        result = piece.copy()
         for lag, coefficient in enumerate(self.coefficients, start=1):
-            result -= coefficient * piece[self.memory - lag : n - lag]
-        return result / self.deviation
+            result[k:] -= coefficient * piece[k - lag : n - lag] if n > p else 0.0
+        if k:
+            result[:k] = solve_triangular(self._start[:k, :k], piece[:k], lower=True)
+        return np.asarray(result / self.deviation)
 
 
-def segments(present: NDArray[np.bool_], memory: int = ORDER) -> list[tuple[int, int]]:
-    """Stretches without a gap, longer than the memory.
+@dataclass(frozen=True)
+class Whitening:
+    """A filter for the residuals of all outputs, and a weight for every innovation.
+
+    Attributes
+    ----------
+    noise : Mapping of str to Noise
+        By output.
+    present : Mapping of str to ndarray of bool, shape (n,)
+        Where an output was measured.
+    weights : Mapping of str to ndarray, shape (m,)
+    """
+
+    noise: Mapping[str, Noise]
+    present: Mapping[str, NDArray[np.bool_]]
+    weights: Mapping[str, Array]
+
+    @classmethod
+    def of(
+        cls, noise: Mapping[str, Noise], residual: Mapping[str, Array], present: Mapping[str, NDArray[np.bool_]]
+    ) -> Whitening:
+        """Weigh innovations by how likely the noise makes those of a residual."""
+        return cls(noise, present, {o: n.weights(n.whiten(residual[o], present[o])) for o, n in noise.items()})
+
+    def __call__(self, values: Mapping[str, Array]) -> Array:
+        """Stack residuals (m,), or Jacobians (m, p), of all outputs."""
+        rows = []
+        for output, noise in self.noise.items():
+            white = noise.whiten(values[output], self.present[output])
+            weight = np.sqrt(self.weights[output])
+            rows.append(white * (weight if white.ndim == 1 else weight[:, np.newaxis]))
+        return np.concatenate(rows)
+
+
+def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Stretches without a gap.
 
     Parameters
     ----------
     present : ndarray of bool, shape (n,)
-    memory : int
-        Samples.
 
     Returns
     -------
@@ -106,28 +199,18 @@ def segments(present: NDArray[np.bool_], memory: int = ORDER) -> list[tuple[int,
     where = np.flatnonzero(present)
     breaks = np.flatnonzero(np.diff(where) > 1) + 1
     ends = [0, *breaks.tolist(), len(where)]
-    return [(a, b) for a, b in pairwise(ends) if b - a > memory]
+    return [(a, b) for a, b in pairwise(ends) if b > a]
 
 
-def white(residual: Mapping[str, Array], memory: int = ORDER) -> dict[str, Noise]:
-    """White noise of the size of residuals.
-
-    Parameters
-    ----------
-    residual : Mapping of str to ndarray, shape (m,)
-        By output.
-    memory : int
-        See `Noise`.
-
-    Returns
-    -------
-    dict of str to Noise
-    """
-    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or _LEAST, memory) for o, e in residual.items()}
+def white(residual: Mapping[str, Array]) -> dict[str, Noise]:
+    """White Gaussian noise of the size of residuals, (m,) by output."""
+    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or _LEAST) for o, e in residual.items()}
 
 
-def estimate(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -> Noise:
-    """Noise of a residual; its order is chosen by BIC.
+def estimate(
+    residual: Array, present: NDArray[np.bool_], order: int = ORDER, calm: NDArray[np.bool_] | None = None
+) -> Noise:
+    """Noise of a residual; its order is chosen by BIC, and so are heavy tails.
 
     Parameters
     ----------
@@ -135,18 +218,37 @@ def estimate(residual: Array, present: NDArray[np.bool_], order: int = ORDER) ->
     present : ndarray of bool, shape (n,)
     order : int
         Highest that is considered; 0 for white noise.
+    calm : ndarray of bool, shape (m,), optional
+        Samples that tell whether the tails are heavy, those at which a model that lacks something has no reason to be
+        far off; without it noise is Gaussian.
 
     Returns
     -------
     Noise
     """
-    if order == 0:
-        return white({"": residual}, 0)[""]
-    longest = max(segments(present, order), key=lambda ends: ends[1] - ends[0], default=(0, len(residual)))
-    coefficients, _ = autoregression(residual[slice(*longest)], order)
-    innovation = Noise(coefficients, 1.0, order).whiten(residual, present)
-    deviation = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 1.0
-    return Noise(coefficients, deviation or _LEAST, order)
+    noise = _gaussian(residual, present, order)
+    if calm is None:
+        return noise
+    freedom, _ = heavy_tails(noise.whiten(residual, present)[calm])
+    if freedom == inf:
+        return noise
+    # far samples make colour look weaker than it is
+    far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
+    noise = _gaussian(np.clip(residual, -far, far), present, order)
+    innovation = noise.whiten(residual, present)
+    freedom, scale = heavy_tails(innovation[calm])
+    return Noise(noise.coefficients, (noise.deviation * scale) or _LEAST, freedom)
+
+
+def _gaussian(residual: Array, present: NDArray[np.bool_], order: int) -> Noise:
+    if order == 0 or not residual.any():
+        return white({"": residual})[""]
+    ends, n = segments(present), len(residual)
+    lags = range(min(order, max(n // 10, 0)) + 1)
+    covariance = [sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k) for k in lags]
+    coefficients, _ = yule_walker(np.array(covariance) / n, n)
+    innovation = Noise(coefficients, 1.0).whiten(residual, present)
+    return Noise(coefficients, float(np.sqrt(np.mean(innovation**2))) or _LEAST)
 
 
 def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:

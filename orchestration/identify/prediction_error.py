@@ -7,22 +7,25 @@ method. Physical parameters may have a Gaussian prior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.identify.covariance import Covariance, covariance
-from orchestration.identify.levenberg_marquardt import Minimum, minimise
-from orchestration.identify.noise import Noise, estimate, white
+from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
+from orchestration.identify.levenberg_marquardt import Minimum, minimise, residual_or_none
+from orchestration.identify.noise import Noise, Whitening, estimate, white
 from orchestration.identify.problem import Problem
+from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array], Array]
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 PRIOR_STD = 1.0
+_BISECTIONS = 6
+TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
 
 
 @dataclass(frozen=True)
@@ -61,10 +64,12 @@ class FitResult:
         By output, of the residual.
     residual : dict of str to ndarray, shape (m,)
         Measured minus simulated.
-    innovation : dict of str to ndarray
+    innovation : dict of str to ndarray, shape (m,)
         The residual whitened.
+    weights : dict of str to ndarray, shape (m,)
+        How much every innovation counts; about 1, and little where one is far out in heavy tails.
     information : ndarray, shape (p, p)
-        Normal matrix of the whitened derivatives of all residuals by the searched coordinates.
+        Of all innovations on the searched coordinates (Fisher).
     prior_precision : ndarray, shape (p,)
         Curvature of the prior of every coordinate; zero where there is none.
     deviance : float
@@ -74,6 +79,9 @@ class FitResult:
     samples : int
     converged : bool
         Whether the search ended by itself.
+    covariance : Covariance
+        Of the searched coordinates. The prior counts, so that parameters of which the record determines a combination
+        only, such as a ratio, are as uncertain as they are.
     """
 
     q: Array
@@ -81,26 +89,19 @@ class FitResult:
     noise: dict[str, Noise]
     residual: dict[str, Array]
     innovation: dict[str, Array]
+    weights: dict[str, Array]
     information: Array
     prior_precision: Array
     deviance: float
     parameters: int
     samples: int
     converged: bool
+    covariance: Covariance
 
     @property
     def bic(self) -> float:
         """Bayesian information criterion."""
         return self.deviance + self.parameters * float(np.log(self.samples))
-
-    @property
-    def covariance(self) -> Covariance:
-        """Covariance of the searched coordinates.
-
-        The prior counts, so that parameters of which the record determines a combination only, such as a ratio, are
-        as uncertain as they are.
-        """
-        return covariance(self.information, self.prior_precision)
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,7 @@ def fit(
     physical: NDArray[np.bool_] | None = None,
     prior_std: float = PRIOR_STD,
     method: Method = Method(),
+    farthest: float = np.inf,
 ) -> FitResult:
     """Fit the searched parameters of a problem, and the noise of its outputs in turn.
 
@@ -144,6 +146,8 @@ def fit(
     prior_std : float
         Its standard deviation, see `PRIOR_STD`.
     method : Method
+    farthest : float
+        Pooled error of the free run that must not be passed, whatever noise makes the record likely there.
 
     Returns
     -------
@@ -155,43 +159,120 @@ def fit(
         If the simulation fails where the search starts.
     """
     low, high = problem.bounds()
-    mean = problem.position(problem.start)
-    held = np.isfinite(mean) & (False if physical is None else physical)
-    prior = _Prior(mean, np.where(held, prior_std**-2, 0.0))
+    prior = _prior(problem, physical, prior_std)
 
     def iterate(q: Array, noise: Mapping[str, Noise]) -> FitResult:
         """Fit with a noise model and estimate it from the residual, in turn."""
         best: FitResult | None = None
         for _ in range(method.passes):
-            fitted = _assessed(problem, _minimised(problem, q, noise, prior, method), prior)
+            end = _minimised(problem, q, noise, prior, method)
+            fitted = _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
             if best is not None and best.bic - fitted.bic < method.settled:
                 return min(best, fitted, key=lambda f: f.bic)
             best, q, noise = fitted, fitted.q, fitted.noise
         return fitted
 
     q = np.clip(problem.inside(start), low, high)
-    best = iterate(q, noise or white(problem.evaluate(q)[0], problem.order))
+    best = iterate(q, noise or white(problem.evaluate(q)[0]))
     while any(len(n.coefficients) > 1 for n in best.noise.values()):
         # a colour that has swallowed what the model could follow keeps it from following: once more without
-        other = iterate(best.q, white(best.residual, problem.order))
+        other = iterate(best.q, white(best.residual))
         if best.bic - other.bic < method.settled:
             break
         best = other
     return best
 
 
+def fit_free_run(
+    problem: Problem,
+    starts: Sequence[Array],
+    physical: NDArray[np.bool_] | None = None,
+    prior_std: float = PRIOR_STD,
+    method: Method = Method(),
+) -> FitResult:
+    """Fit the free run by plain least squares, and assess it in the noise that its residual shows.
+
+    Its intervals allow for the colour and the changing level of that noise, which the fit knew nothing of.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : sequence of ndarray, shape (p,)
+        Points to begin at; see `simulation_error.starting_points`.
+    physical, prior_std, method
+        See :func:`fit`.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the first search starts.
+    """
+    prior, scales = _prior(problem, physical, prior_std), error_scales(problem)
+    rows = (prior.residual, prior.jacobian)
+    minimum = fit_simulation_error(problem, starts, scales, method.tolerance / problem.samples, rows)
+    fitted, slopes = _assessed(problem, minimum, prior), problem.evaluate(minimum.q)[1]
+    weighted = {o: j / scales[o] for o, j in slopes.items()}
+    stacked = np.vstack(list(weighted.values()))
+    noise = [replace(n, deviation=n.deviation / scales[o]) for o, n in fitted.noise.items()]
+    bread = covariance(stacked.T @ stacked, prior.precision)
+    return replace(fitted, covariance=sandwich(bread, weighted.values(), noise))
+
+
+def trusted(problem: Problem, likeliest: FitResult, free_run: FitResult) -> FitResult:
+    """Return the likelier of two fits unless its simulation is farther from the record than the best one.
+
+    A noise model may make a record likely with a simulation that follows it badly: what it takes for noise is then what
+    the simulation should explain.
+
+    Parameters
+    ----------
+    problem : Problem
+    likeliest, free_run : FitResult
+        Of :func:`fit` and :func:`fit_free_run`.
+    """
+    scales, weights = error_scales(problem), likeliest.weights
+    near = TOLERATED_EXCESS * pooled_error(free_run.residual, scales, weights)
+    return likeliest if pooled_error(likeliest.residual, scales, weights) <= near else free_run
+
+
+def _prior(problem: Problem, physical: NDArray[np.bool_] | None, prior_std: float) -> _Prior:
+    mean = problem.position(problem.start)
+    held = np.isfinite(mean) & (False if physical is None else physical)
+    return _Prior(mean, np.where(held, prior_std**-2, 0.0))
+
+
+def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> Array:
+    """Return the last point on the way of a search at which its simulation is not too far from the record."""
+    if farthest == np.inf:
+        return end
+    scales = error_scales(problem)
+
+    def allowed(q: Array) -> bool:
+        residual = residual_or_none(lambda q: np.concatenate(list(problem.evaluate(q)[0].values())), q)
+        return residual is not None and pooled_error(problem.evaluate(q)[0], scales) <= farthest
+
+    if allowed(end) or not allowed(begin):
+        return end
+    near, far = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (near + far) / 2.0
+        near, far = (middle, far) if allowed(begin + middle * (end - begin)) else (near, middle)
+    return np.asarray(begin + near * (end - begin))
+
+
 def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method) -> Minimum:
     """Fit with noise that is given."""
+    whitened = Whitening.of(noise, problem.evaluate(q)[0], problem.present)
 
     def rows(q: Array) -> Array:
-        residual = problem.evaluate(q)[0]
-        return np.concatenate(
-            [*(noise[o].whiten(e, problem.present[o]) for o, e in residual.items()), prior.residual(q)]
-        )
+        return np.concatenate([whitened(problem.evaluate(q)[0]), prior.residual(q)])
 
     def slopes(q: Array) -> Array:
-        jacobian = problem.evaluate(q)[1]
-        return np.vstack([*(noise[o].whiten(j, problem.present[o]) for o, j in jacobian.items()), prior.jacobian])
+        return np.vstack([whitened(problem.evaluate(q)[1]), prior.jacobian])
 
     tolerance = method.tolerance / problem.samples
     best = method.minimise(rows, slopes, q, *problem.neighbourhood(q), tolerance)
@@ -207,21 +288,25 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     """How likely a point makes the record, in the noise that is estimated from its residual."""
     q = minimum.q
     residual, slopes = problem.evaluate(q)
-    noise = {o: estimate(e, problem.present[o], problem.order) for o, e in residual.items()}
+    noise = {o: estimate(e, problem.present[o], problem.order, problem.calm[o]) for o, e in residual.items()}
     innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
-    jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
-    deviance = sum(2.0 * len(innovation[o]) * np.log(n.deviation) for o, n in noise.items())
-    deviance += float((prior.residual(q) ** 2).sum())
+    weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
+    jacobian = {o: n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()}
+    deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
+    information = sum(n.information * jacobian[o].T @ jacobian[o] for o, n in noise.items())
+    scores = np.vstack([(weights[o] * innovation[o])[:, np.newaxis] * jacobian[o] for o in noise])
     return FitResult(
         q,
         problem.values(q),
         noise,
         residual,
         innovation,
-        information=jacobian.T @ jacobian,
+        weights,
+        information=np.asarray(information),
         prior_precision=prior.precision,
-        deviance=float(deviance),
-        parameters=len(q) + sum(len(n.coefficients) for n in noise.values()),
-        samples=len(jacobian),
+        deviance=float(deviance + (prior.residual(q) ** 2).sum()),
+        parameters=len(q) + sum(n.parameters for n in noise.values()),
+        samples=len(scores),
         converged=minimum.converged,
+        covariance=heteroscedastic(covariance(np.asarray(information), prior.precision), scores),
     )

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
 _EFFORT, _EFFORTS = 50.0, 3e5
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
+_SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
+_FEWEST_CALM = 100  # samples
 _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 
 
@@ -77,6 +79,9 @@ class Problem:
         Value of every parameter where the search starts.
     measured, present : dict of str to ndarray
         Outputs of which anything was measured, and where.
+    calm : dict of str to ndarray of bool, shape (m,)
+        Measured samples of every output that tell of its noise: it did not stand still, and no step of an input came
+        close before.
     even : bool
         Whether samples are equally spaced.
     order : int
@@ -107,6 +112,8 @@ class Problem:
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
+        moved = input_steps(inputs, len(time))
+        self.calm = {o: _calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
@@ -191,6 +198,20 @@ class Problem:
         low, high = self.bounds()
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
         return np.clip(q, low + nudge, high - nudge)
+
+
+def input_steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
+    """Where any input differs from the sample before by more than a hundredth of its range; `count` without inputs."""
+    moved = [np.abs(np.diff(u, prepend=u[:1])) > 0.01 * np.ptp(u) for u in inputs.values() if np.ptp(u) > 0.0]
+    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
+
+
+def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
+    """Return samples (n,) of which the noise, and little else, makes what a model leaves."""
+    alive = np.diff(measured, prepend=np.nan) != 0.0
+    near = np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0
+    far = alive & ~near
+    return np.asarray(far if far.sum() > max(_FEWEST_CALM, 0.1 * alive.sum()) else alive)
 
 
 def _scale(declaration: Any, value: float) -> Scale:

@@ -24,11 +24,14 @@ class FittedCandidate:
     candidate : Candidate
     problem : Problem
     fit : FitResult
+    free_run : FitResult or None
+        Fitted by plain least squares, where that was done.
     """
 
     candidate: Candidate
     problem: Problem
     fit: FitResult
+    free_run: FitResult | None = None
 
     @property
     def effect(self) -> type[Effect]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.covariance import covariance
-from orchestration.identify.noise import Noise, estimate, white
+from orchestration.identify.noise import Noise, Whitening, estimate, white
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 
@@ -64,19 +64,21 @@ class LinearisedModel:
 
     def __init__(self, problem: Problem, fit: FitResult):
         error, jacobian = problem.evaluate(fit.q)
-        self._error, self._jacobian, self._present, self._order = error, jacobian, problem.present, problem.order
+        self._error, self._jacobian, self._present = error, jacobian, problem.present
         self._fit = fit
         prior_mean = problem.position(problem.start)
         self._centre = np.where(fit.prior_precision > 0.0, prior_mean, fit.q)
         self._gradient_of_prior = fit.prior_precision * (fit.q - self._centre)
         low, high = problem.bounds()
         self._bounds = low - fit.q, high - fit.q
-        self._whitenings = [self._whitening(noise) for noise in (fit.noise, white(error, problem.order))]
+        self._estimate = lambda e: {o: estimate(e[o], problem.present[o], problem.order, problem.calm[o]) for o in e}
+        self._whitenings = [self._whitening(noise) for noise in (fit.noise, white(error))]
 
-    def _whitening(self, noise: Mapping[str, Noise]) -> tuple[Mapping[str, Noise], Array, Array, Array]:
+    def _whitening(self, noise: Mapping[str, Noise]) -> tuple[Whitening, Array, Array, Array]:
         """Whitened residual and Jacobian, and the coordinates' covariance."""
-        residual, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
-        return noise, residual, slopes, self._covariance(slopes)
+        whitened = Whitening.of(noise, self._error, self._present)
+        slopes = whitened(self._jacobian)
+        return whitened, whitened(self._error), slopes, self._covariance(slopes)
 
     def _covariance(self, slopes: Array) -> Array:
         """Covariance of the coordinates, kept from growing along what the record hardly determines."""
@@ -84,14 +86,11 @@ class LinearisedModel:
         ridge = _RIDGE * (np.diag(information) + self._fit.prior_precision)
         return covariance(information, self._fit.prior_precision + ridge).matrix
 
-    def _whitened(self, values: Gradient, noise: Mapping[str, Noise]) -> Array:
-        return np.concatenate([n.whiten(values[o], self._present[o]) for o, n in noise.items()])
-
     def score_statistics(self, change: Gradient, least: float, most: float) -> list[float]:
         """By how much the sum of squares would fall with some of a change: in the noise estimated, and in white."""
         falls = []
-        for noise, residual, slopes, spread in self._whitenings:
-            column = self._whitened(change, noise)
+        for whitened, residual, slopes, spread in self._whitenings:
+            column = whitened(change)
             orthogonal = column - slopes @ (spread @ (slopes.T @ column))
             power = float(orthogonal @ orthogonal)
             if power <= _FLAT * float(column @ column):
@@ -120,16 +119,15 @@ class LinearisedModel:
 
     def _orthogonal_part(self, change: Gradient) -> tuple[Array, Array]:
         """Return a change in units of white noise, and what of it the model's own coordinates cannot make."""
-        noise, _, slopes, spread = self._whitenings[1]
-        column = self._whitened(change, noise)
+        whitened, _, slopes, spread = self._whitenings[1]
+        column = whitened(change)
         return column, column - slopes @ (spread @ (slopes.T @ column))
 
     def predicted_improvement(self, change: Gradient, least: float, most: float) -> PredictedImprovement:
         """Solve for an amount of a change, within bounds, and the model's own coordinates beside it."""
-        noise: Mapping[str, Noise] = self._whitenings[1][0]
+        whitened, remaining = self._whitenings[1][0], self._error
         for _ in range(_ROUNDS):
-            residual, slopes = self._whitened(self._error, noise), self._whitened(self._jacobian, noise)
-            column = self._whitened(change, noise)
+            residual, slopes, column = whitened(self._error), whitened(self._jacobian), whitened(change)
             spread = self._covariance(slopes)
             along = spread @ (slopes.T @ column)
             power = float(column @ column - (slopes.T @ column) @ along)
@@ -138,14 +136,12 @@ class LinearisedModel:
             amount = float(np.clip(wanted, least, most))
             step = np.clip(-spread @ gradient - amount * along, *self._bounds)
             remaining = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
-            noise = {o: estimate(e, self._present[o], self._order) for o, e in remaining.items()}
+            noise = self._estimate(remaining)
+            whitened = Whitening.of(noise, remaining, self._present)
         below = self._fit
         moved = below.q + step - self._centre
-        innovations = {o: len(n.whiten(remaining[o], self._present[o])) for o, n in noise.items()}
-        order = sum(len(n.coefficients) for n in noise.values()) - sum(
-            len(n.coefficients) for n in below.noise.values()
-        )
-        deviance = sum(2.0 * innovations[o] * np.log(n.deviation) for o, n in noise.items())
+        order = sum(n.parameters for n in noise.values()) - sum(n.parameters for n in below.noise.values())
+        deviance = sum(n.deviance(n.whiten(remaining[o], self._present[o]), self._present[o]) for o, n in noise.items())
         deviance += float(below.prior_precision @ moved**2)
         fall = below.deviance - deviance - order * np.log(below.samples)
         return PredictedImprovement(float(fall), amount, step, dict(noise))

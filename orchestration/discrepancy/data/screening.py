@@ -128,8 +128,8 @@ def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
 def sufficient(data: Dataset) -> list[str]:
     """Outputs with enough samples behind each other to know their noise."""
     memory = ORDER if evenly_sampled(data.time) else 0
-    lengths = {o: [b - a - memory for a, b in segments(np.isfinite(y), memory)] for o, y in data.measured.items()}
-    return [o for o, length in lengths.items() if sum(length) >= _FEWEST]
+    lengths = {o: [b - a - memory for a, b in segments(np.isfinite(y))] for o, y in data.measured.items()}
+    return [o for o, length in lengths.items() if sum(n for n in length if n > 0) >= _FEWEST]
 
 
 def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> bool:

@@ -185,8 +185,7 @@ def _covariance(noise: Noise) -> Array:
 
 def _fall(true_model: FittedCandidate, candidate: FittedCandidate, colours: Mapping[str, Noise], n: int) -> float:
     true = true_model.fit.noise
-    rows = n - ORDER
-    deviance = sum(2.0 * rows * np.log(colours[o].deviation / true[o].deviation) for o in colours)
+    deviance = sum(2.0 * n * np.log(colours[o].deviation / true[o].deviation) for o in colours)
     more = len(candidate.fit.q) - len(true_model.fit.q)
     more += sum(len(colours[o].coefficients) - len(true[o].coefficients) for o in colours)
-    return float(deviance + more * np.log(rows * len(colours)))
+    return float(deviance + more * np.log(n * len(colours)))

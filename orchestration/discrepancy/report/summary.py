@@ -7,6 +7,7 @@ from typing import Any
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.validation.side_by_side import Errors
 from orchestration.identify.metrics import number
 
 
@@ -30,6 +31,10 @@ def summary(result: Result) -> dict[str, Any]:
             "holdout_nrmse_after": {o: number(e) for o, e in errors.after.items()},
             "residual_white_after": all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values()),
         },
+        "errors": {
+            "estimation": _numbers(diagnosis.fitted_errors),
+            "validation": _numbers(diagnosis.judged_errors),
+        },
         "inputs": {
             name: {
                 "between_samples": "linear" if choice.linear else "held",
@@ -51,6 +56,10 @@ def summary(result: Result) -> dict[str, Any]:
         },
     }
     return figures | ({"experiment": result.experiment.as_json()} if result.experiment else {})
+
+
+def _numbers(errors: Errors) -> dict[str, dict[str, float | None]]:
+    return {model: {o: number(e) for o, e in of.items()} for model, of in errors.items()}
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:

@@ -12,28 +12,38 @@ from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.reporting.console import plain_table
 
+MODELS = {"untouched": "untouched", "least_squares": "least squares", "refitted": "refitted", "extended": "extended"}
 _REJECTED = 5  # effects that were tried in vain, of which the evidence is shown
 
 
 def overview(result: Result) -> Group:
     """Return what ``ppy diagnose`` prints."""
-    diagnosis, errors = result.diagnosis, result.gain or result.diagnosis
+    diagnosis = result.diagnosis
     parts: list[RenderableType] = [
         Text.assemble((diagnosis.verdict, "bold"), "  ", wording.sentence(diagnosis)),
         *(Text(wording.message(note)) for note in result.notes),
         *(Text(line) for line in _changes(diagnosis)),
         Text(),
     ]
-    rows = plain_table("error where nothing was fitted, rms over the spread of the signal", "output", "before", "after")
-    for output, before in errors.before.items():
-        rows.add_row(output, f"{before:.4g}", f"{errors.after[output]:.4g}")
-    parts += [rows, Text()]
+    parts += [_errors(diagnosis), Text()]
     if diagnosis.selection.steps or diagnosis.selection.rejected:
         parts += [_evidence(diagnosis), Text()]
     parts.append(_parameters(diagnosis))
     if result.experiment:
         parts.append(Text(wording.experiment(result.experiment)))
     return Group(*parts)
+
+
+def _errors(diagnosis: Diagnosis) -> Table:
+    """Errors of the model as it came, of what least squares makes of it, and of what was made of it here."""
+    models = [name for name in MODELS if name in diagnosis.fitted_errors]
+    titles = [MODELS[name] for name in models]
+    rows = plain_table("error of the free run, rms over the spread of the signal", "output", "where", *titles)
+    for where, errors in (("fitted", diagnosis.fitted_errors), ("held out", diagnosis.judged_errors)):
+        for output in next(iter(errors.values()), {}):
+            figures = [f"{errors[name][output]:.4g}" if name in errors else "" for name in models]
+            rows.add_row(output, where, *figures)
+    return rows
 
 
 def _changes(diagnosis: Diagnosis) -> list[str]:

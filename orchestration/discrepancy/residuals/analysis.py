@@ -111,8 +111,6 @@ def analyse(
 ) -> ResidualAnalysis:
     """Analyse the residual of one output.
 
-    Only samples that innovations belong to are judged: others were not fitted.
-
     Parameters
     ----------
     output : str
@@ -146,18 +144,16 @@ def analyse(
         innovations = innovations_of(residual, present, noise, simulated)
     else:
         innovations = plain
-    judged = np.zeros(present.size, dtype=bool)
-    judged[innovations.at] = True
-    left, resolution = residual[judged[present]], resolution_of(measured)
+    resolution = resolution_of(measured)
     rounding = systematic_error(resolution, noise.deviation)
     step = float(np.median(np.diff(data.time)))
     lines: list[SpectralLine] = []
     shifts: list[LevelShift] = []
-    bounded = innovations.bounded(noise, present)
+    bounded = innovations.bounded(residual, present, noise)
     if even:  # else samples say nothing of frequencies, nor of what is sudden
-        a, b = max(segments(judged, 0), key=lambda ends: ends[1] - ends[0])
-        lines = spectral_lines(bounded[a:b], step, measured[judged][a:b], rounding)
-        shifts = level_shifts(left, data.time[judged], {n: u[judged] for n, u in data.inputs.items()}, resolution)
+        a, b = max(segments(present), key=lambda ends: ends[1] - ends[0])
+        lines = spectral_lines(bounded[a:b], step, measured[present][a:b], rounding)
+        shifts = level_shifts(residual, data.time[present], inputs, resolution)
     correlations, feedback = cross_correlations(output, innovations, noise, signals, step, list(data.inputs))
     gain = float(np.sqrt(1.0 + np.sum(noise.coefficients**2))) / noise.deviation
     return ResidualAnalysis(
@@ -168,10 +164,10 @@ def analyse(
             [plain, other], data.inputs, int(bool(feedback)), gain * resolution / np.sqrt(12.0)
         ),
         random_walk_test(bounded),
-        operating_regions(output, left, judged, signals, bool(feedback)),
-        [c for c in correlations if abs(c.strength) * noise.deviation > rounding],
+        operating_regions(output, residual, present, signals, bool(feedback)),
+        [c for c in correlations if abs(c.strength) * noise.deviation >= rounding],
         even,
-        conditional_means(output, left, innovations, noise, signals, bool(feedback)),
+        conditional_means(output, residual, innovations, noise, signals, bool(feedback)),
         feedback,
         innovations.at.size,
         int(far.sum()) + innovations.outliers,

@@ -179,10 +179,11 @@ def _correlated(innovations: Innovations, signals: Sequence[Array], shifts: NDAr
 
 
 def filtered(values: Array, noise: Noise) -> Array:
-    """A signal (n,) through the filter that whitens the residual, without its mean; zero where that has not begun."""
-    everywhere = np.ones(values.size, dtype=bool)
-    white, result = noise.whiten(values, everywhere), np.zeros(values.size)
-    result[noise.kept(everywhere)] = white - white.mean()
+    """A signal (n,) through the filter that whitens the residual, without its mean; zero until that has begun."""
+    result = noise.whiten(values - values.mean(), np.ones(values.size, dtype=bool))
+    first = noise.coefficients.size
+    result[first:] -= result[first:].mean()
+    result[:first] = 0.0
     return result
 
 

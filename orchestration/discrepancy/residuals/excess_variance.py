@@ -35,7 +35,7 @@ class ExcessVariance:
 
     @property
     def significant(self) -> bool:
-        """Whether it is beyond what noise does whose level jumps with the output, where no division quite follows it."""
+        """Whether it is beyond what noise does whose level jumps with the output, faster than can be followed."""
         return self.p_value < ALPHA and self.ratio > _NOTABLE
 
 

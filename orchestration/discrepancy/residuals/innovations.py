@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lfiltic
 from scipy.stats import norm, rankdata
 
 from orchestration.identify.noise import Noise, segments
@@ -60,25 +60,30 @@ class Innovations:
         spread = float(np.median(np.abs(standard))) / float(norm.ppf(0.75)) if standard.size else 0.0
         return int((np.abs(standard) > _FAR * spread).sum()) if spread > 0.0 else 0
 
-    def bounded(self, noise: Noise, present: NDArray[np.bool_]) -> Array:
-        """The residual that they would make if no single one of them were far out, in its unit.
+    def bounded(self, residual: Array, present: NDArray[np.bool_], noise: Noise) -> Array:
+        """The residual as it would be if no single innovation were far out.
 
         Parameters
         ----------
-        noise : Noise
-            Of the residual.
+        residual : ndarray, shape (k,)
+            As it is.
         present : ndarray of bool, shape (n,)
             Where there is one.
+        noise : Noise
+            Of the residual.
 
         Returns
         -------
         ndarray, shape (k,)
+            In its unit.
         """
         driven = np.clip(self.standardised, -_BOUND, _BOUND) * self.level * noise.deviation
-        filled = np.zeros(present.size, dtype=bool)
-        filled[self.at] = True
-        poles = [1.0, *-noise.coefficients]
-        return np.concatenate([driven[:0], *(lfilter([1.0], poles, driven[a:b]) for a, b in segments(filled, 0))])
+        poles, result = np.concatenate([[1.0], -noise.coefficients]), residual.copy()
+        for a, b in segments(present):
+            first = min(b, a + noise.coefficients.size)
+            state = lfiltic([1.0], poles, residual[a:first][::-1])
+            result[first:b] = lfilter([1.0], poles, driven[first:b], zi=state)[0]
+        return result
 
 
 def innovations_of(residual: Array, present: NDArray[np.bool_], noise: Noise, size: Array | None = None) -> Innovations:
@@ -98,7 +103,7 @@ def innovations_of(residual: Array, present: NDArray[np.bool_], noise: Noise, si
     -------
     Innovations
     """
-    raw, at = noise.whiten(residual, present), noise.kept(present)
+    raw, at = noise.whiten(residual, present), np.flatnonzero(present)
     level = local_level(raw, None if size is None else size[at])
     return Innovations(at, raw, level, normal_scores(raw / level))
 

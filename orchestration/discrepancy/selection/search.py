@@ -15,11 +15,15 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate, Scree
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import Note
 from orchestration.identify.noise import Noise
-from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit
+from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
+from orchestration.identify.simulation_error import error_scales, pooled_error, starting_points
 
 Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more
+# Times the least error of the nominal model's free run, which no noise model may take a fit beyond. Fits to slow noise
+# of few independent samples are that far above the least, which follows the noise itself.
+STRAYED = 1.25
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -38,6 +42,8 @@ class Search:
         Told what is being done.
     not_assessed : dict of str to Note
         Effects of which the record says nothing, or that could not be simulated over it.
+    farthest : float
+        Pooled error of the free run that no candidate may pass; known once the nominal model was fitted.
     """
 
     data: Dataset
@@ -46,12 +52,29 @@ class Search:
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
     not_assessed: dict[str, Note] = field(default_factory=dict)
+    farthest: float = np.inf
 
-    def nominal(self, prior_std: float = PRIOR_STD) -> FittedCandidate:
-        """Fit the model without effects."""
+    def nominal(self) -> FittedCandidate:
+        """Fit the model without effects, from several starts."""
+        candidate = Candidate((), self.base)
+        problem = self._problem(candidate)
+        free_run = fit_free_run(problem, starting_points(problem), self._physical(problem))
+        self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
+        return FittedCandidate(candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run)
+
+    def near_nominal(self, prior_std: float) -> FittedCandidate:
+        """Fit the model without effects, its physical parameters held close to nominal."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
         return FittedCandidate(candidate, problem, self._fit(problem, problem.position(problem.start), None, prior_std))
+
+    def trusted(self, fitted: FittedCandidate) -> FittedCandidate:
+        """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much."""
+        problem = fitted.problem
+        begun = [fitted.fit.q] + ([] if fitted.free_run is None else [fitted.free_run.q])
+        ends = [fit_free_run(problem, [q], self._physical(problem)) for q in begun]
+        free_run = min(ends, key=lambda end: pooled_error(end.residual, error_scales(problem)))
+        return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
     def fit_extended(self, screened: ScreenedCandidate) -> FittedCandidate:
         """Fit a model with one more effect."""
@@ -106,7 +129,10 @@ class Search:
     def _fit(
         self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
     ) -> FitResult:
-        physical = np.array([n in self.parameters and not problem.declared[n].starts for n in problem.names])
-        fitted = fit(problem, q, noise, physical, prior_std)
+        fitted = fit(problem, q, noise, self._physical(problem), prior_std, farthest=self.farthest)
         problem.forget()  # of many candidates few are looked at again
         return fitted
+
+    def _physical(self, problem: Problem) -> NDArray[np.bool_]:
+        """Which of the searched parameters have a prior."""
+        return np.array([n in self.parameters and not problem.declared[n].starts for n in problem.names])

@@ -102,7 +102,7 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
     -------
     Selection
     """
-    base, near = base or search.nominal(), search.nominal(NEAR_NOMINAL)
+    base, near = base or search.nominal(), search.near_nominal(NEAR_NOMINAL)
     overfitted = near.fit.deviance - base.fit.deviance > OVERFITTED
     scored = [score(search, model, effects) for model in ([base, near] if overfitted else [base])]
     silent = unidentifiable(scored[0])

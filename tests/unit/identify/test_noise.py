@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
+from scipy.stats import multivariate_normal
+from scipy.stats import t as student
 
-from orchestration.identify.noise import ORDER, Noise, autoregression, estimate, noise_std, segments
+from orchestration.identify.noise import Noise, autoregression, estimate, noise_std, segments
+from orchestration.identify.tails import heavy_tails
 from tests.support.diagnosis import coloured
 
 EVERY = np.ones(4000, dtype=bool)
@@ -26,9 +30,59 @@ def test_a_filter_does_not_reach_over_a_gap():
     present[1000:1003] = False
     assert segments(present) == [(0, 1000), (1000, 3997)]
     jump = np.where(np.arange(3997) < 1000, 0.0, 5.0)
-    white = Noise(np.array([1.0]), 1.0).whiten(jump, present)
-    assert white.size == 3997 - 2 * ORDER
-    assert np.all(white == 0.0)
+    white = Noise(np.array([0.5]), 1.0).whiten(jump, present)
+    assert white.size == 3997
+    assert np.all(white[:1000] == 0.0)
+    np.testing.assert_allclose(white[1000], 5.0 * np.sqrt(1.0 - 0.5**2))
+    np.testing.assert_allclose(white[1001:], 2.5)
+
+
+@pytest.mark.parametrize("coefficients", [[], [0.9], [-0.6], [1.2, -0.5], [0.4, 0.2, -0.3]], ids=str)
+@pytest.mark.parametrize("gaps", [[], [17], [0, 1, 2, 20, 22, 39]], ids=str)
+def test_the_likelihood_is_exact_from_the_first_sample_on(coefficients, gaps):
+    """Against the density of a Gaussian vector with the covariance of the process, every stretch by itself."""
+    present, random = np.ones(40, dtype=bool), np.random.default_rng(3)
+    present[gaps] = False
+    values = random.standard_normal(int(present.sum()))
+    noise = Noise(np.array(coefficients), 0.7)
+    response = lfilter([0.7], [1.0, *(-c for c in coefficients)], np.eye(1, 5000)[0])
+    autocovariance = np.array([response[: 5000 - k] @ response[k:] for k in range(40)])
+    expected = 0.0
+    for a, b in segments(present):
+        covariance = toeplitz(autocovariance[: b - a])
+        expected -= 2.0 * multivariate_normal(np.zeros(b - a), covariance).logpdf(values[a:b])
+    expected -= len(values) * np.log(2.0 * np.pi)
+    assert noise.deviance(noise.whiten(values, present), present) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_likelihood_with_heavy_tails_is_student_s():
+    values, everywhere = np.random.default_rng(1).standard_t(3.0, 500), np.ones(500, dtype=bool)
+    noise = Noise(np.empty(0), 2.0, 3.0)
+    expected = -2.0 * student.logpdf(values, 3.0, scale=2.0).sum() - 500 * np.log(2.0 * np.pi)
+    assert noise.deviance(noise.whiten(values, everywhere), everywhere) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("freedom", "colour"), [(3.0, 0.0), (3.0, 0.8), (5.0, 0.0)])
+def test_heavy_tails_are_found_beneath_a_colour(freedom, colour):
+    shocks = np.random.default_rng(5).standard_t(freedom, 6000)
+    noise = estimate(lfilter([1.0], [1.0, -colour], shocks), np.ones(6000, dtype=bool), calm=np.ones(6000, dtype=bool))
+    assert noise.freedom == pytest.approx(freedom, rel=0.35)
+    assert noise.deviation == pytest.approx(1.0, rel=0.06)
+    assert sum(noise.coefficients) == pytest.approx(colour, abs=0.05)
+
+
+def test_gaussian_noise_has_no_heavy_tails():
+    random = np.random.default_rng(7)
+    found = [heavy_tails(random.standard_normal(800))[0] for _ in range(400)]
+    assert np.mean(np.isfinite(found)) < 0.01
+    assert np.isinf(heavy_tails(np.round(3.0 * random.standard_normal(800)))[0])  # the grid of a converter is no tail
+
+
+def test_weights_are_those_of_the_score():
+    """The slope of the logarithm of the density, by differences, is the weighted sample."""
+    noise, r = Noise(np.empty(0), 1.0, 4.0), np.linspace(-9.0, 9.0, 41)
+    slope = (student.logpdf(r + 1e-6, 4.0) - student.logpdf(r - 1e-6, 4.0)) / 2e-6
+    np.testing.assert_allclose(noise.weights(r) * r, -slope, atol=1e-7)
 
 
 @pytest.mark.parametrize(

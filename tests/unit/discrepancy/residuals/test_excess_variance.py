@@ -11,7 +11,7 @@ from orchestration.discrepancy.residuals.jumps import input_steps
 from orchestration.identify.noise import Noise
 from tests.support.residuals import EVERY, N, noise
 
-WHITE = Noise(np.empty(0), 1.0, 0)
+WHITE = Noise(np.empty(0), 1.0)
 
 
 def compared(innovation, inputs):

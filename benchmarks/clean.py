@@ -1,0 +1,308 @@
+"""Clean records by hundreds: nothing is hidden in them, so whatever a diagnosis names there is false.
+
+`python -m benchmarks.clean --records 320 --seed 1` draws plants, stimuli and kinds of noise with generators that share
+no code with what they judge (`tests/support/clean`), diagnoses each record from its file, and holds fitted errors
+against plain least squares from five starts. Every record is kept as a line of JSON as soon as it is judged; an
+interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import tempfile
+import time as clock
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.tables import Table, Topic
+from fmus.kit.errors import UserError
+from tests.support.clean.judge import least_squares_fit, pooled_error
+from tests.support.clean.records import KINDS, Case, CleanRecord, cases, draw
+from tests.support.clean.stimuli import SMOOTH
+
+ROOT = Path(__file__).resolve().parent.parent
+Row = dict[str, Any]
+EFFECTIVE = 50.0  # samples a parameter, from which on fitted errors are held against least squares where fitted
+WORSE = 1.02  # of the best of the others, what a refit may leave
+COARSE = 0.05  # s, steps of the judge's simulations of what is not linear
+
+
+def judge(case: Case, fitted: bool = True) -> Row:
+    """Draw a record, diagnose it from its file, and tell what was said and what is true.
+
+    Parameters
+    ----------
+    case : Case
+    fitted : bool
+        Whether plain least squares is made as well, which takes longer than the diagnosis.
+    """
+    import orchestration as ppy
+
+    drawn = draw(case)
+    settings = dict(drawn.plant.settings) | ({"sample_period": drawn.step} if case.plant == "VoiceCoil" else {})
+    row: Row = asdict(case)
+    with tempfile.TemporaryDirectory() as folder:
+        path = drawn.write(Path(folder) / "record.csv")
+        began, cpu = clock.perf_counter(), _processor_time()
+        try:
+            result = ppy.diagnose(path, drawn.plant.model, settings=settings)
+        except UserError as error:
+            return row | {
+                "verdict": "refused",
+                "why": [_without_figures(str(error))],
+                "seconds": _processor_time() - cpu,
+            }
+        row |= {"seconds": _processor_time() - cpu, "elapsed": clock.perf_counter() - began}
+    values = {n: e.value for n, e in result.parameters.items()}
+    physical = [n for n in drawn.plant.nominal if n in result.parameters]
+    row |= {
+        "samples": drawn.time.size,
+        "verdict": str(result.verdict),
+        "causes": result.causes,
+        "alternatives": result.alternatives,
+        "why": reasons(result.to_dict()),
+        "inside": {
+            n: bool(e.interval[0] <= drawn.truth[n] <= e.interval[1])
+            for n in physical if np.isfinite((e := result.parameters[n]).interval).all()
+        },
+    }  # fmt: skip
+    linear = [*(result.details.diagnosis.estimation.linear or ())]
+    return row | (_errors(drawn, values, linear) if not result.causes else {}) | (_least(drawn) if fitted else {})
+
+
+def reasons(figures: dict[str, Any]) -> list[str]:
+    """What a diagnosis found that keeps it from saying that the model is right, without figures."""
+    found = [f"cause {cause['effect']}" for cause in figures["causes"]]
+    for left in figures["residuals"].values():
+        found += ["line"] * bool(left["lines_hz"]) + ["level shift"] * bool(left["level_shifts_s"])
+        found += [_structure(str(text)) for text in left["structure"]]
+    found += [note["code"] for note in figures["notes"] if note["code"] == "implausible"]
+    return list(dict.fromkeys(found))
+
+
+def _structure(text: str) -> str:
+    """Kind of structure that a sentence tells."""
+    if "worse where an input steps" in text:
+        return "worse where an input steps"
+    if (where := re.search(r"worse where (.*?) is ", text)) is not None:
+        return f"region of {where[1]}"
+    if (at := re.search(r"correlates with (.*?): .*?(earlier|later|at once)", text)) is not None:
+        return f"correlation with {at[1]} {at[2]}"
+    return _without_figures(text)
+
+
+def right(row: Row) -> bool:
+    """Whether a verdict is one that a clean record may have."""
+    return row["verdict"] in ("consistent", "recalibrate")
+
+
+def _processor_time() -> float:
+    """Of this process and its children, s: compilers run beside it."""
+    return float(sum(os.times()[:4]))
+
+
+def _without_figures(text: str) -> str:
+    return re.sub(r"\S*/\S*\.csv", "FILE", re.sub(r"[-+]?\d[\d.,e+-]*", "#", text))[:110]
+
+
+def _errors(drawn: CleanRecord, values: dict[str, float], linear: Collection[str]) -> Row:
+    """Pooled errors of refitted, untouched and true parameters, simulated here, and how much can be told.
+
+    Between samples the refitted model is simulated as the diagnosis took inputs to go.
+    """
+    rests = {f"{n}_start": float(v) for n, v in zip(drawn.plant.states, drawn.plant.rest(), strict=True)}
+    tried = {"refit": values, "untouched": dict(drawn.plant.nominal) | rests, "true": drawn.truth}
+    ways = {"refit": linear}
+    errors = {
+        name: pooled_error(drawn.outputs, drawn.simulated(at, smooth=ways.get(name)), drawn.regular)
+        for name, at in tried.items()
+    }
+    effective = 0.0
+    for output, y in drawn.outputs.items():
+        noise = y - drawn.clean[output]
+        colour = max(0.0, float(np.corrcoef(noise[:-1], noise[1:])[0, 1]))
+        effective += y.size * (1.0 - colour) / (1.0 + colour)
+    return errors | {"per_parameter": effective / (len(drawn.plant.nominal) + len(drawn.plant.states))}
+
+
+def _least(drawn: CleanRecord) -> Row:
+    plant = drawn.plant
+    rests = {f"{n}_start": float(v) for n, v in zip(plant.states, plant.rest(), strict=True)}
+    sizes = {f"{n}_start": max(abs(drawn.truth[f"{n}_start"]), 1e-6) for n in plant.states}
+    error, _ = least_squares_fit(
+        lambda values: drawn.simulated(values, COARSE), drawn.outputs, dict(plant.nominal) | rests, drawn.regular,
+        sizes=sizes,
+    )  # fmt: skip
+    return {"least": error}
+
+
+def run(wanted: Sequence[Case], kept: Path, every: int, progress: Callable[[str], None] = print) -> list[Row]:
+    """Judge all cases that are not kept yet; every so-manieth is held against least squares."""
+    done = {}
+    if kept.exists():
+        for line in kept.read_text(encoding="utf-8").splitlines():
+            row = json.loads(line)
+            done[_key(row)] = row
+    rows = []
+    for k, case in enumerate(wanted, start=1):
+        row = done.get(_key(asdict(case)))
+        if row is None:
+            row = judge(case, every > 0 and k % every == 0)
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            with kept.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+        rows.append(row)
+        said = row["verdict"] if right(row) else f"{row['verdict'].upper()}: {_shortened(row['why'])}"
+        ratio = f"; refit/best {_ratio(row):.3f}" if "least" in row and "refit" in row else ""
+        progress(f"{k}/{len(wanted)} {case}: {said}{ratio} ({row['seconds']:.1f} s)")
+    return rows
+
+
+def _key(row: Row) -> str:
+    return repr([row[n] for n in Case.__dataclass_fields__])
+
+
+def _ratio(row: Row) -> float:
+    return float(row["refit"] / min(row["untouched"], row["least"]))
+
+
+def report(rows: Sequence[Row]) -> Topic:
+    """Tables of what was said."""
+    judged = [row for row in rows if row["verdict"] != "refused"]
+    false = [row for row in judged if row["causes"]]
+    left = [row for row in judged if row["verdict"] == "unexplained" and not row["causes"]]
+    parts: list[str | Table] = [
+        f"{len(rows)} clean records: {len(rows) - len(judged)} refused; of {len(judged)}, "
+        f"{_share(len(false), len(judged))} with a false cause (1 % are allowed), "
+        f"{_share(len(left), len(judged))} falsely `unexplained` (3 %)."
+    ]
+    columns = ["records", "right", "false cause", "unexplained", "refused", "other"]
+    for axis in ("noise", "stimulus", "plant", "timing", "smooth"):
+        table = []
+        for name, these in _grouped(rows, axis).items():
+            counts = Counter(_kind(row) for row in these)
+            table.append([str(name), len(these), *(counts[kind] for kind in columns[1:])])
+        parts.append(Table([axis, *columns], table))
+    parts += [_coverage(judged), *_fits(judged), _times(rows), *_why(rows)]
+    return Topic("Clean records", parts)
+
+
+def _kind(row: Row) -> str:
+    if row.get("causes"):
+        return "false cause"
+    return "right" if right(row) else row["verdict"] if row["verdict"] in ("unexplained", "refused") else "other"
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} ({100.0 * part / max(whole, 1):.1f} %)"
+
+
+def _grouped(rows: Iterable[Row], axis: str) -> dict[Any, list[Row]]:
+    groups: dict[Any, list[Row]] = defaultdict(list)
+    for row in rows:
+        groups[row[axis]].append(row)
+    return dict(sorted(groups.items(), key=lambda item: str(item[0])))
+
+
+def _coverage(rows: Sequence[Row]) -> Table:
+    """Share of physical parameters whose 95 % interval holds the truth, where no false cause was named.
+
+    Apart: inputs that are held in steps, those held whose course is smooth (nothing may tell that they are), and those
+    that are smooth.
+    """
+    kinds: dict[str, Callable[[Row], bool]] = {
+        "steps": lambda row: row["stimulus"] not in SMOOTH,
+        "held": lambda row: row["stimulus"] in SMOOTH and not row["smooth"],
+        "smooth": lambda row: bool(row["smooth"]),
+    }
+    table = []
+    for name, these in _grouped(rows, "noise").items():
+        cells: list[str | int] = [str(name)]
+        for belongs in kinds.values():
+            hits = [hit for row in these if belongs(row) and not row["causes"] for hit in row["inside"].values()]
+            cells += [len(hits), f"{100.0 * np.mean(hits):.1f} %" if hits else ""]
+        table.append(cells)
+    return Table(["noise", *(head for kind in kinds for head in (f"intervals, {kind}", "cover"))], table)
+
+
+def _fits(rows: Sequence[Row]) -> list[str | Table]:
+    """How fitted errors compare with the best of the others."""
+    compared = [row for row in rows if "least" in row and "refit" in row]
+    enough = [row for row in compared if row["per_parameter"] >= EFFECTIVE]
+    bad = sorted((row for row in enough if _ratio(row) > WORSE), key=lambda row: -_ratio(row))
+    text = (
+        f"Refitted error over the best of untouched and plain least squares from five starts, over the whole record: "
+        f"{len(enough)} of {len(compared)} records have {EFFECTIVE:g} effective samples a parameter; "
+        f"{_share(len(bad), len(enough))} of them are beyond {WORSE:g}."
+    )
+    worst = [[_named(row), _ratio(row), row["refit"], row["least"], row["untouched"], row["true"]] for row in bad[:12]]
+    columns = ["record", "ratio", "refitted", "least squares", "untouched", "true"]
+    return [text, *([Table(columns, worst)] if worst else [])]
+
+
+def _named(row: Row) -> str:
+    return str(Case(**{n: row[n] for n in Case.__dataclass_fields__}))
+
+
+def _times(rows: Sequence[Row]) -> str:
+    seconds = np.array([row["seconds"] for row in rows])
+    worst = max(rows, key=lambda row: row["seconds"])
+    return (
+        f"Processor time of a diagnosis: median {np.median(seconds):.1f} s, 90 % {np.quantile(seconds, 0.9):.1f} s, "
+        f"worst {seconds.max():.1f} s ({_named(worst)})."
+    )
+
+
+def _why(rows: Sequence[Row]) -> list[str | Table]:
+    """What was found, by kind and noise, and in each record."""
+    kinds: dict[str, Counter[str]] = defaultdict(Counter)
+    wrong = [row for row in rows if not right(row)]
+    for row in wrong:
+        for kind in {
+            re.sub(r"^(region|correlation).*?(earlier|later|at once)?$", r"\1 \2", r).strip() for r in row["why"]
+        }:
+            kinds[kind][row["noise"]] += 1
+    table = [[kind, *(count[noise] for noise in KINDS)] for kind, count in sorted(kinds.items())]
+    each = [[_named(row), row["verdict"], _shortened(row["why"])] for row in wrong]
+    return [
+        "What was found where nothing is, in so many records:", Table(["found", *KINDS], table),
+        Table(["record", "verdict", "found"], each),
+    ]  # fmt: skip
+
+
+def _shortened(why: Sequence[str], most: int = 6) -> str:
+    return "; ".join(why[:most]) + (f"; {len(why) - most} more" if len(why) > most else "")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.clean", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--records", type=int, default=320)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--every", type=int, default=4, help="hold every so-manieth against least squares; 0 for none")
+    parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
+    parser.add_argument("--without", nargs="*", default=[], help="words that a case must not contain")
+    parser.add_argument("--kept", type=Path, help="JSON lines, one a record; default build/clean/SEED.jsonl")
+    parser.add_argument("--out", type=Path, help="Markdown to write as well")
+    chosen = parser.parse_args(arguments)
+    wanted = [
+        case for case in cases(chosen.records, chosen.seed)
+        if all(word in str(case) for word in chosen.only) and not any(word in str(case) for word in chosen.without)
+    ]  # fmt: skip
+    kept = chosen.kept or ROOT / "build" / "clean" / f"{chosen.seed}.jsonl"
+    text = str(report(run(wanted, kept, chosen.every, lambda line: print(line, flush=True))))
+    print("\n" + text)
+    if chosen.out:
+        chosen.out.write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The models under test of plants that the project has no component for."""

@@ -1,0 +1,39 @@
+"""How much evidence an effect needs before it is named, where that evidence is known beforehand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.stepwise import select
+from tests.support.regression_model import COUNT, OFFSET, OTHERS, Amplifier, offset_record
+
+VERY_STRONG = 10.0  # fall of BIC (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995)
+PARAMETER = float(np.log(COUNT))  # that BIC asks of each
+MARGIN = 2.5  # what a likelihood that knows less than everything may differ by
+
+
+def named(ratio, effects, seed):
+    search = Search(offset_record(ratio, seed), Amplifier, ["gain"])
+    return [step.chosen.effect_name for step in select(search, effects).steps]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_evidence_that_is_not_very_strong_names_nothing(seed):
+    assert named(VERY_STRONG + PARAMETER - MARGIN, [OFFSET], seed) == []
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_very_strong_evidence_names_an_effect(seed):
+    assert named(VERY_STRONG + PARAMETER + MARGIN, [OFFSET], seed) == ["force_offset"]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_looking_at_many_effects_has_its_price(seed):
+    """Of k of them the best is named for twice ln k more."""
+    price = 2.0 * np.log(1 + len(OTHERS))
+    assert price > MARGIN
+    enough_for_one = VERY_STRONG + PARAMETER + 0.5 * price
+    assert named(enough_for_one, [OFFSET, *OTHERS], seed) == []
+    assert "force_offset" in named(enough_for_one + price + MARGIN, [OFFSET, *OTHERS], seed)
