@@ -178,8 +178,7 @@ def diagnose(
         *dropped,
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
-        *_confounders(selection),
-        *remarks(residuals),
+        *_remarks(selection, residuals),
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
     ]
     if inconclusive:
@@ -224,6 +223,11 @@ def _gained(predictions: Sequence[Prediction]) -> bool:
     """Whether the error fell in some output and grew in none."""
     before, after = predictions[0].errors, predictions[-1].errors
     return any(after[o] < before[o] for o in before) and not any(after[o] > DEGRADED * before[o] for o in before)
+
+
+def _remarks(selection: Selection, residuals: Mapping[str, ResidualAnalysis]) -> list[Note]:
+    """What to mind of what was named, and of what is left."""
+    return [*_confounders(selection), *remarks(residuals)]
 
 
 def _confounders(selection: Selection) -> list[Note]:

@@ -63,7 +63,7 @@ def operating_regions(
 ) -> list[OperatingRegion]:  # fmt: skip
     """Compare the residual in ranges of every signal, of equally many samples each, with the rest of the record.
 
-    Its modulus is compared by ranks (Mann and Whitney). A coloured residual tells less of its size than as many
+    Its size is compared by ranks (Klotz). A coloured residual tells less of its size than as many
     independent samples would: its square is correlated by the square of its own correlation, and counts for so many
     fewer.
 
@@ -87,7 +87,8 @@ def operating_regions(
         return []
     wanted = [s for s in signals if s.kind is not RegressorKind.SQUARE]
     where, n = np.flatnonzero(present), residual.size
-    square, ranks = residual**2, rankdata(np.abs(residual))
+    square = residual**2
+    scores = norm.ppf(0.5 + 0.5 * rankdata(np.abs(residual)) / (n + 1.0)) ** 2  # as squares of normal variables
     worth = 1.0 / _variance_inflation(normal_scores(residual))
     ranges = [(s, *part) for s in wanted for part in ranges_of(s.values, present, bins)]
     total, result = float(square.sum()), []
@@ -103,9 +104,8 @@ def operating_regions(
         freedom = max(count * worth, 1.0), max((n - count) * worth, 1.0)
         ends = np.sqrt(elsewhere * f.ppf([0.005, 0.995], *freedom))
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
-        middle = 0.5 * count * (n + 1.0)
-        larger = (float(ranks[inside].sum()) - middle) / np.sqrt(count * (n - count) * (n + 1.0) / 12.0)
-        p = len(ranges) * float(norm.sf(larger * np.sqrt(worth)))
+        scored = float(scores[inside].mean() / scores[~inside].mean())
+        p = len(ranges) * float(f.sf(scored, *freedom))
         ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(within / count / elsewhere))
         result.append(OperatingRegion(output, signal.name, *ends_and_size, min(1.0, p)))
     return sorted(result, key=lambda region: (region.p_value, -region.rms_ratio))
