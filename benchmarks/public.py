@@ -54,6 +54,11 @@ class Question:
         """The model, as a diagnosis takes it."""
         return str(DATA / "models" / self.model) if ".py:" in self.model else self.model
 
+    @property
+    def known(self) -> dict[str, Any]:
+        """What a diagnosis is told."""
+        return {"settings": dict(self.settings), "mapping": dict(self.mapping)}
+
     def absent(self) -> str:
         """What is not there, or nothing."""
         needed = [self.record, *([self.holdout] if self.holdout else [])]
@@ -96,43 +101,36 @@ def pulses(folder: Path) -> list[Path]:
     return paths
 
 
-def answer(question: Question, judged: bool = True) -> dict[str, Any]:
-    """Untouched, least-squares and refitted errors of one record, and the verdict with the whole catalogue.
-
-    Parameters
-    ----------
-    question : Question
-    judged : bool
-        Whether plain least squares is made as well.
-    """
+def errors(question: Question) -> dict[str, float]:
+    """Untouched, least-squares and refitted errors of one record, of the model as it stands."""
     import orchestration as ppy
 
-    known = {"settings": dict(question.settings), "mapping": dict(question.mapping)}
-    bare = ppy.diagnose(question.record, question.subject, effects=[], **known)
-    began = clock.process_time()
-    full = ppy.diagnose(question.record, question.subject, **known)
-    seconds = clock.process_time() - began
-    values = {n: e.value for n, e in bare.parameters.items()}
+    bare = ppy.diagnose(question.record, question.subject, effects=[], **question.known)
+    trial = _Trial(question, bare.details.model.cls, bare.details.diagnosis.estimation.linear)
     nominal = {n: e.nominal for n, e in bare.parameters.items()}
-    trial = _Trial(question, bare.details.model.cls)
-    row: dict[str, Any] = {
-        "record": question.title, "verdict": str(full.verdict), "causes": full.causes, "seconds": seconds,
-        "values": values, "untouched": trial.error(nominal), "refitted": trial.error(values),
-    }  # fmt: skip
-    if judged:
-        _, found = trial.least_squares(nominal)
-        row["least squares"] = trial.error(found)
-    return row
+    _, least = trial.least_squares(nominal)
+    tried = {"untouched": nominal, "least squares": least, "refitted": {n: e.value for n, e in bare.parameters.items()}}
+    return {name: trial.error(values) for name, values in tried.items()}
+
+
+def answer(question: Question) -> dict[str, Any]:
+    """Errors of one record, and the verdict with the whole catalogue."""
+    import orchestration as ppy
+
+    row: dict[str, Any] = {"record": question.title} | errors(question)
+    began = clock.process_time()
+    full = ppy.diagnose(question.record, question.subject, **question.known)
+    return row | {"verdict": str(full.verdict), "causes": full.causes, "seconds": clock.process_time() - began}
 
 
 class _Trial:
-    """Simulations of a model over its record, and of what is held out."""
+    """Simulations of a model over its record, and of what is held out, inputs going as the diagnosis takes them."""
 
-    def __init__(self, question: Question, cls: Any):
+    def __init__(self, question: Question, cls: Any, linear: Any):
         import orchestration as ppy
         from fmus.kit.record.compiled import CompiledModel
 
-        self._model, self._settings = CompiledModel(cls), dict(question.settings)
+        self._model, self._settings, self._linear = CompiledModel(cls), dict(question.settings), linear
         layout = cls.layout
         self._inputs, outputs = [v.name for v in layout.inputs], [v.name for v in layout.outputs]
         self._starts = {p.name: p for p in layout.parameters if p.starts}
@@ -145,7 +143,7 @@ class _Trial:
         inputs = {n: record.signals[n] for n in self._inputs if n in record.signals}
         own = {n: v for n, v in (self._settings | dict(values)).items() if n not in inputs}
         try:
-            return self._model.run(record.time, inputs, own).signals
+            return self._model.run(record.time, inputs, own, self._linear).signals
         except UserError:
             return {o: np.full(record.time.size, np.nan) for o in self._measured[which]}
 

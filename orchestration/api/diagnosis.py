@@ -235,6 +235,7 @@ def diagnose(
     settings: Mapping[str, float | str] | None = None,
     mapping: Mapping[str, str] | None = None,
     interpolate: bool | None = None,
+    time: float | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> DiagnosisResult:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.
@@ -257,6 +258,9 @@ def diagnose(
         Column of a file to signal of the model, for records that are given as files.
     interpolate : bool, optional
         Whether inputs go linearly between samples, or are held; unless given, the record tells.
+    time : float, optional
+        Seconds that the search may take, then the best answer so far is returned, with a note; a minute for up to
+        60,000 samples and in proportion beyond, unless given. With ``inf`` nothing hangs on how fast the machine is.
     progress : callable
         Told what is being done.
 
@@ -283,7 +287,7 @@ def diagnose(
     rig = subject.name == DRIVEN
     options = pipeline.Options(
         given=numeric(values_of(subject, settings)), effects=effects, hold=hold, interpolate=interpolate,
-        limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"),
+        limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"), time=time,
     )  # fmt: skip
     measured = matching_record(record, subject, mapping)
     judged = None if holdout is None else matching_record(holdout, subject, mapping)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -66,6 +66,7 @@ class Files:
 def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
     command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
+    time: float | None = None,
 ) -> DiagnosisResult:  # fmt: skip
     """Do ``ppy diagnose``; the command is repeated in the report.
 
@@ -84,6 +85,8 @@ def run(
         Whether inputs go linearly between samples, or are held; unless given, the record tells.
     effects : sequence of str
         Laid over the model before it is judged.
+    time : float, optional
+        Seconds that the search may take.
 
     Raises
     ------
@@ -102,13 +105,18 @@ def run(
     with progress() as tell:
         result = diagnose(
             record, model, holdout=holdout, effects=considered, hold=hold,
-            settings=dict(_setting(text) for text in settings), interpolate=interpolate, progress=tell,
+            settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time,
+            progress=tell,
         )  # fmt: skip
-        made = _written(result, files, shlex.join(command), tell)
     out.print(terminal.overview(result.details))
     write_json(files.result, result.to_dict())
+    failures: list[Exception] = []
+    with progress() as tell:
+        made = list(_written(result, files, shlex.join(command), tell, failures.append))
     for path in made:
         wrote(path)
+    if failures:
+        raise failures[0]
     return result
 
 
@@ -119,18 +127,30 @@ def _setting(text: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-def _written(result: DiagnosisResult, files: Files, command: str, tell: Callable[[str], None]) -> list[Path]:
-    """Write everything that was asked for and can be, and say what cannot."""
-    made = []
-    if files.report is not None:
+def _written(
+    result: DiagnosisResult, files: Files, command: str, tell: Callable[[str], None],
+    failed: Callable[[Exception], None],
+) -> Iterator[Path]:  # fmt: skip
+    """Write everything that was asked for and can be, and say what cannot; where one fails, the others are written."""
+
+    def report(path: Path) -> list[Path]:
         tell("drawing the report")
-        made.append(result.report(files.report, command))
-    if files.fmu is not None and result.model is None:
-        note(f"there is nothing to make an FMU of: {files.fmu} was not written")
-    elif files.fmu is not None:
-        made += result.fmu(files.fmu, files.platforms, tell)
-    if files.experiment is not None and result.experiment is None:
-        note(f"nothing is to be told apart: {files.experiment} was not written")
-    elif files.experiment is not None and result.experiment is not None:
-        made.append(result.experiment.to_toml(files.experiment))
-    return made
+        return [result.report(path, command)]
+
+    def fmu(path: Path) -> list[Path]:
+        if result.model is None:
+            note(f"there is nothing to make an FMU of: {path} was not written")
+            return []
+        return result.fmu(path, files.platforms, tell)
+
+    def experiment(path: Path) -> list[Path]:
+        if result.experiment is None:
+            note(f"nothing is to be told apart: {path} was not written")
+            return []
+        return [result.experiment.to_toml(path)]
+
+    for write, path in ((report, files.report), (fmu, files.fmu), (experiment, files.experiment)):
+        try:
+            yield from write(path) if path is not None else []
+        except Exception as error:
+            failed(error)

@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
@@ -21,7 +22,7 @@ from orchestration.discrepancy.residuals.innovations import power
 from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import intersample
 from orchestration.discrepancy.selection.intersample import Intersample
-from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
@@ -120,6 +121,7 @@ def diagnose(
     progress: Callable[[str], None] = lambda text: None,
     holdout: Dataset | None = None,
     held: Sequence[str] = (),
+    budget: Budget | None = None,
 ) -> Diagnosis:
     """Tell what a model gets wrong on a record.
 
@@ -139,6 +141,9 @@ def diagnose(
     held : sequence of str
         Parameters that are known, and keep their values. Where no input moves, a record can be judged only if every
         start value is among them.
+    budget : Budget, optional
+        Time that it may take; without limit unless given. When it is spent, what was found by then is judged, and a
+        note says so.
 
     Returns
     -------
@@ -153,7 +158,8 @@ def diagnose(
     data = replace(data, linear=intersample.linear(chosen))
     holdout = replace(holdout, linear=data.linear) if holdout is not None else None
     parts = divided(cls, data, holdout, fixed or {})
-    search = Search(parts.estimation, cls, [n for n in searched(cls) if n not in held], fixed or {}, progress)
+    names = [n for n in searched(cls) if n not in held]
+    search = Search(parts.estimation, cls, names, fixed or {}, progress, budget or Budget())
     excited = is_excited(cls, parts.estimation, fixed or {})
     starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
@@ -164,8 +170,7 @@ def diagnose(
     estimation, validation = parts.estimation, parts.validation
     selection = Selection(base) if inconclusive else select(search, effects, base)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
-    whole = replace(search, data=parts.usable)
-    final = whole.trusted(whole.refit(selection.best)) if validation.continued else selection.best
+    final, failed = _refitted(replace(search, data=parts.usable), selection.best, validation)
     values = estimates(final)
     changed = [] if inconclusive else significantly_changed(final, search.parameters)
     odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
@@ -176,30 +181,31 @@ def diagnose(
         *_excitation_notes(parts.notes, estimation, excited, starts),
         *intersample.remarks(chosen),
         *dropped,
+        *failed,
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
         *_remarks(selection, residuals),
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
+        *search.budget.notes,
     ]
     if inconclusive:
         verdict = Verdict.AMBIGUOUS
     else:
         verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed)
     return Diagnosis(
-        verdict,
-        selection,
-        values,
-        changed,
-        residuals,
-        before,
-        after,
-        *errors,
-        estimation,
-        validation,
-        final,
-        notes,
+        verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
         chosen,
-    )
+    )  # fmt: skip
+
+
+def _refitted(search: Search, best: FittedCandidate, validation: ValidationData) -> tuple[FittedCandidate, list[Note]]:
+    """Fit what was found to all that was measured; if that fails, it stands as it was fitted to the first part."""
+    if not validation.continued:
+        return best, []
+    try:
+        return search.trusted(search.refit(best)), []
+    except FAILURES as error:
+        return best, [Note(NoteCode.NOT_REFITTED, "", {"reason": str(error)})]
 
 
 def _trusted(search: Search, selection: Selection) -> Selection:

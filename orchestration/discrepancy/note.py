@@ -54,6 +54,8 @@ class NoteCode(StrEnum):
     NO_GAIN = "no_gain"
     FMU_FAILED = "fmu_failed"
     NO_EXPERIMENT = "no_experiment"
+    NOT_REFITTED = "not_refitted"
+    TIME_SPENT = "time_spent"
 
 
 @dataclass(frozen=True)

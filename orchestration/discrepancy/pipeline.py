@@ -10,6 +10,7 @@ import numpy as np
 from fmus.kit import Component, Effect
 from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
+from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
@@ -41,6 +42,9 @@ class Options:
         Of the rig by input, SI, within which an experiment is designed.
     highest_frequency : float
         Hz, of the rig, above which nothing may be in a designed stimulus.
+    time : float, optional
+        Seconds that the search for causes may take; `budget.default_time` unless given. When they are spent, the best
+        answer so far is returned and a note says what was not tried.
     """
 
     given: Mapping[str, float] = field(default_factory=dict)
@@ -49,6 +53,7 @@ class Options:
     interpolate: bool | None = None
     limits: Limits | None = None
     highest_frequency: float = np.inf
+    time: float | None = None
 
 
 @dataclass(frozen=True)
@@ -114,6 +119,8 @@ def diagnose(
         If a record or the model cannot be used, or an effect or a parameter is unknown.
     """
     chosen = options or Options()
+    if chosen.time is not None and not chosen.time > 0.0:
+        raise UserError(f"time: {chosen.time:g} s is no time; inf is without limit")
     if model.cls is None:
         raise UserError(f"{model.name} is an FMU without equations; name a component or file.py:Class")
     for name in chosen.hold:
@@ -128,7 +135,8 @@ def diagnose(
             raise UserError(f"{holdout.source}: it has none of the outputs of the record, {outputs}")
     effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
     fixed = {n: value for n, value in chosen.given.items() if n in model.parameters}
-    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold)
+    budget = Budget(default_time(len(data.time)) if chosen.time is None else chosen.time)
+    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget)
     notes = [
         *_absent(model, record, chosen.given),
         *(_absent(model, holdout, chosen.given) if holdout is not None else []),
@@ -136,19 +144,24 @@ def diagnose(
     ]
     component = gain = experiment = None
     if not diagnosis.inconclusive:
-        component = extended(diagnosis, record.source.name)
         progress("running the extended FMU over the validation data")
         try:
+            component = extended(diagnosis, record.source.name)
             gain = measured_gain(diagnosis, build_cached(component, "native"))
-        except UserError as error:  # the diagnosis stands without it
-            notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": str(error)}))
+        except Exception as error:  # whatever it was, the diagnosis stands without it
+            notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": _reason(error)}))
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         try:
             limits, highest = chosen.limits, chosen.highest_frequency
             experiment = design(diagnosis.selection, data, limits, highest, None, progress)
-        except UserError as error:  # the diagnosis stands without it
-            notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": str(error)}))
+        except Exception as error:  # as above
+            notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": _reason(error)}))
     return Result(record, holdout, model, effects, diagnosis, component, gain, experiment, notes)
+
+
+def _reason(error: Exception) -> str:
+    """What to say of a failure: a user's in its own words, of another what it is."""
+    return str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
 
 
 def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None) -> Dataset:

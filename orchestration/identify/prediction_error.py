@@ -275,9 +275,11 @@ def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _P
         return np.vstack([whitened(problem.evaluate(q)[1]), prior.jacobian])
 
     tolerance = method.tolerance / problem.samples
-    best = method.minimise(rows, slopes, q, *problem.neighbourhood(q), tolerance)
+    best = method.minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance)
     while (other := problem.beyond(best.q)) is not None:
-        tried = method.minimise(rows, slopes, other, *problem.neighbourhood(other), tolerance)
+        tried = method.minimise(
+            problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), tolerance
+        )
         if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
         best = tried

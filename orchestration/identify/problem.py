@@ -7,7 +7,7 @@ Parameters that are positive by nature are searched in their logarithm, others i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +53,10 @@ class Scale:
         return float(np.exp(q)) if self.logarithmic else self.size
 
 
+class OutOfTimeError(UserError):
+    """A search has no time left for another point."""
+
+
 class Problem:
     """A component, a record, and the parameters to search; one simulation serves residuals and derivatives.
 
@@ -89,6 +93,8 @@ class Problem:
     scales : list of Scale
     evaluations : int
         Simulations made.
+    out_of_time : callable
+        Whether there is no time left to search on; never, unless replaced.
 
     Raises
     ------
@@ -117,6 +123,7 @@ class Problem:
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
+        self.out_of_time: Callable[[], bool] = lambda: False
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -137,6 +144,19 @@ class Problem:
             jacobian = {o: -trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
+
+    def while_there_is_time(self, residual: Callable[[Array], Array]) -> Callable[[Array], Array]:
+        """Residuals for one search: its first point always, others while there is time, so that it ends at its best."""
+        begun = False
+
+        def limited(q: Array) -> Array:
+            nonlocal begun
+            if begun and self.out_of_time():
+                raise OutOfTimeError("there is no time left to search on")
+            begun = True
+            return residual(q)
+
+        return limited
 
     def forget(self) -> None:
         """Let go of the last simulation."""

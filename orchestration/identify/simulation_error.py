@@ -108,12 +108,14 @@ def fit_simulation_error(
         return float((rows(q) ** 2).sum())
 
     def search(q: Array, trials: int = 40) -> Minimum:
-        return minimise(rows, slopes, q, *problem.neighbourhood(q), tolerance, trials)
+        return minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance, trials)
 
     best = search(starts[0])
     if cost(best.q) <= _FLOOR**2 * problem.samples:
         return best
     for start in starts[1:]:
+        if problem.out_of_time():
+            break
         try:
             tried = search(start, _BRIEF)
             if not tried.converged and cost(tried.q) < 4.0 * cost(best.q):

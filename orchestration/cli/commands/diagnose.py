@@ -21,6 +21,7 @@ from orchestration.cli.options import (
     complete_effects,
     option,
     platform_list,
+    seconds,
 )
 from orchestration.cli.outputs import standard_output_for
 
@@ -54,6 +55,15 @@ Hold = Annotated[
 Holdout = Annotated[
     Path | None, option("--holdout", help="Another record to judge by; default the last third of the record.")
 ]
+Time = Annotated[
+    float | None,
+    option(
+        "--time", metavar="TIME",
+        help="For the search, e.g. 60s, 5min or inf; then the best answer so far. Default 60 s for 60,000 samples or "
+        "less, and in proportion beyond.",
+        parser=seconds,
+    ),
+]  # fmt: skip
 Report = Annotated[Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")]
 Fmu = Annotated[
     Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
@@ -77,6 +87,7 @@ def diagnose(
     interpolate: Interpolate = None,
     hold: Hold = None,
     holdout: Holdout = None,
+    time: Time = None,
     result: Json = None,
     report: Report = None,
     fmu: Fmu = None,
@@ -95,6 +106,7 @@ def diagnose(
             "--interpolate": interpolate,
             "--hold": hold,
             "--holdout": holdout,
+            "--time": time,
             "--report": report,
             "--fmu": fmu,
             "--platforms": platforms,
@@ -111,5 +123,5 @@ def diagnose(
     with standard_output_for(result):
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold), interpolate, comma_list(laid_over),
+            comma_list(hold), interpolate, comma_list(laid_over), time,
         )  # fmt: skip

@@ -23,6 +23,7 @@ _VERDICTS = {
     Verdict.AMBIGUOUS: "Something is wrong that this record cannot tell apart: {causes}.",
     Verdict.UNEXPLAINED: "{beside} is left that nothing in the catalogue accounts for: {unexplained}.",
 }
+_LISTED = 5  # names of many
 _NOTES = {
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: "cut off at its {end} {level:.6g}, {times} times, {share} of the samples",
@@ -81,6 +82,10 @@ _NOTES = {
         "are, but the error there is not smaller in every output",
     NoteCode.FMU_FAILED: "the extended FMU could not be run over the part held out: {reason}",
     NoteCode.NO_EXPERIMENT: "no experiment could be designed: {reason}",
+    NoteCode.NOT_REFITTED: "what was found could not be fitted to all of the record, only to its first part: {reason}",
+    NoteCode.TIME_SPENT:
+        "the {seconds:g} s that there were are spent: this is the best answer so far, and on another machine it may be "
+        "another; {untried}; --time gives more",
 }  # fmt: skip
 
 
@@ -89,12 +94,14 @@ def sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
     causes = _causes(diagnosis)
-    return _VERDICTS[diagnosis.verdict].format(
+    said = _VERDICTS[diagnosis.verdict].format(
         changed=", ".join(diagnosis.changed),
         causes=causes,
         beside=f"Beside {causes}, something" if causes else "Something",
         unexplained="; ".join(_unexplained(diagnosis)),
     )
+    hurried = any(note.code is NoteCode.TIME_SPENT for note in diagnosis.notes)
+    return f"{said} (The time was spent before all was tried.)" if hurried else said
 
 
 def _causes(diagnosis: Diagnosis) -> str:
@@ -139,9 +146,17 @@ def _fact(name: str, value: Any) -> Any:
         )
     if name == "margin":
         return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
+    if name == "untried":
+        return f"not tried: {_some(value)}" if value else "fits were ended early"
     if name in ("share", "usable"):
         return f"{100.0 * value:.2g} %"
     return ",".join(value) if isinstance(value, tuple) else value
+
+
+def _some(names: tuple[str, ...]) -> str:
+    """The first few of many names, and how many more there are."""
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def structure(item: Structure, output: str) -> str:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmus.kit import Effect
-from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.candidate import label, own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel, ScreenedCandidate
 from orchestration.discrepancy.candidates.outlook import LinearisedModel
 from orchestration.discrepancy.candidates.score_test import ScoreDirection, score_directions, start_values
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import Counter, side_by_side
-from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.problem import Problem
 
 PROMISING = 8  # effects that are fitted, if they are worth it
@@ -26,12 +25,15 @@ def score(search: Search, below: FittedCandidate, effects: Sequence[type[Effect]
     counter = Counter(search.progress, "scoring effects", len(effects))
 
     def one(effect: type[Effect]) -> None:
+        if search.budget.spent():
+            search.budget.leave([label(effect)])
+            return
         candidate = below.candidate.with_effect(effect)
         try:
             problem = search.problem(candidate, own_parameters(effect), {**search.fixed, **below.fit.values})
             directions[effect] = problem, score_directions(problem, effect)
             problem.forget()
-        except UserError as error:
+        except FAILURES as error:
             search.not_assessed[label(effect)] = Note(NoteCode.NOT_SIMULATED, label(effect), {"reason": str(error)})
         counter.one_more()
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates.candidate import Candidate, own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScreenedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
@@ -21,6 +22,8 @@ from orchestration.identify.simulation_error import error_scales, pooled_error, 
 
 Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more
+# What may come of one fit of many; the others stand.
+FAILURES = UserError, ArithmeticError, np.linalg.LinAlgError
 # Times the least error of the nominal model's free run, which no noise model may take a fit beyond. Fits to slow noise
 # of few independent samples are that far above the least, which follows the noise itself.
 STRAYED = 1.25
@@ -40,6 +43,8 @@ class Search:
     fixed : Mapping of str to float
     progress : callable
         Told what is being done.
+    budget : Budget
+        Time that the search may take.
     not_assessed : dict of str to Note
         Effects of which the record says nothing, or that could not be simulated over it.
     farthest : float
@@ -51,6 +56,7 @@ class Search:
     parameters: Sequence[str]
     fixed: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda text: None
+    budget: Budget = field(default_factory=Budget)
     not_assessed: dict[str, Note] = field(default_factory=dict)
     farthest: float = np.inf
 
@@ -80,7 +86,6 @@ class Search:
         """Fit a model with one more effect."""
         below = screened.below
         candidate = below.candidate.with_effect(screened.effect)
-        self.progress(f"fitting {candidate.name}")
         problem = self._problem(candidate)
         beside = below.problem.values(below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE))
         q = problem.position(problem.start | beside | screened.start)
@@ -90,6 +95,8 @@ class Search:
         """Fit once more from beside the optimum: a kink or a time constant has several; and not at rest."""
         candidate, effect = fitted.candidate, fitted.effect
         best = fitted
+        if self.budget.spent():
+            return best
         for name in own_parameters(effect)[1:]:
             for factor in _BESIDE:
                 start = fitted.problem.start | fitted.fit.values
@@ -114,7 +121,9 @@ class Search:
     def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""
         data = self.data
-        return Problem(candidate.cls, data.time, data.inputs, data.measured, names, fixed, data.linear or ())
+        made = Problem(candidate.cls, data.time, data.inputs, data.measured, names, fixed, data.linear or ())
+        made.out_of_time = self.budget.spent
+        return made
 
     def _problem(self, candidate: Candidate) -> Problem:
         return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
@@ -123,7 +132,7 @@ class Search:
         problem = self._problem(candidate)
         try:
             return FittedCandidate(candidate, problem, self._fit(problem, problem.position(start), fitted.fit.noise))
-        except UserError:
+        except FAILURES:
             return fitted
 
     def _fit(

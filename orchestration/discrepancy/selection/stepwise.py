@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fmus.kit import Effect
-from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel, ScreenedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.parallel import side_by_side
+from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.selection.scoring import confounding, score, screen, unidentifiable
-from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.search import FAILURES, Search
 
 ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
 ALTERNATIVE = 6.0  # within which another candidate counts as not told apart
@@ -102,14 +101,18 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
     -------
     Selection
     """
-    base, near = base or search.nominal(), search.near_nominal(NEAR_NOMINAL)
+    base = base or search.nominal()
+    near = base if search.budget.spent() else search.near_nominal(NEAR_NOMINAL)
     overfitted = near.fit.deviance - base.fit.deviance > OVERFITTED
     scored = [score(search, model, effects) for model in ([base, near] if overfitted else [base])]
     silent = unidentifiable(scored[0])
     search.not_assessed |= silent
     selection = Selection(base, tried=len(effects))
     remaining = [effect for effect in effects if label(effect) not in silent]
-    while len(selection.steps) < MOST:
+    while remaining and len(selection.steps) < MOST:
+        if search.budget.spent():
+            search.budget.leave(map(label, remaining))
+            break
         below = selection.best
         ranked = _fitted(search, below, scored, remaining)
         threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].gain if selection.steps else 0.0)
@@ -158,19 +161,44 @@ def _fitted(
     """Promising effects over a model, fitted from every model that was scored, the best first."""
     best: dict[type[Effect], FittedCandidate] = {}
     for origin in scored:
-        candidates = screen(origin, effects)
-        while candidates:
-            # what the best of them gains tells which of the others still has a chance
-            batch, candidates = candidates[:AT_ONCE], candidates[AT_ONCE:]
-            for fitted in filter(None, side_by_side(lambda candidate: _tried(search, below, candidate), batch)):
-                effect = fitted.effect
-                best[effect] = min(best.get(effect, fitted), fitted, key=lambda e: e.fit.bic)
-            gained = max((origin.model.fit.deviance - e.fit.deviance for e in best.values()), default=0.0)
-            candidates = [c for c in candidates if c.predicted.fall > DOMINATED * gained]
+        _fit_promising(search, below, origin, effects, best)
     gains = {effect: below.fit.bic - e.fit.bic for effect, e in best.items()}
     contenders = [effect for effect, gain in gains.items() if gain > CONTENDER * max(0.0, *gains.values())]
-    best |= zip(contenders, side_by_side(lambda effect: search.refine(best[effect]), contenders), strict=True)
+    counter = Counter(search.progress, "making sure of fits", len(contenders))
+
+    def sure(effect: type[Effect]) -> FittedCandidate:
+        refined = search.refine(best[effect])
+        counter.one_more()
+        return refined
+
+    best |= zip(contenders, side_by_side(sure, contenders), strict=True)
     return sorted(((e, e.delta_bic(below, len(effects))) for e in best.values()), key=lambda row: -row[1])
+
+
+def _fit_promising(
+    search: Search, below: FittedCandidate, origin: ScoredModel, effects: Sequence[type[Effect]],
+    best: dict[type[Effect], FittedCandidate],
+) -> None:  # fmt: skip
+    """Fit what may be worth it, beginning with one of the models that were scored; put into `best` what is better."""
+    candidates = screen(origin, effects)
+    counter = Counter(search.progress, "fitting effects", len(candidates))
+
+    def tried(candidate: ScreenedCandidate) -> FittedCandidate | None:
+        fitted = _tried(search, below, candidate)
+        counter.one_more()
+        return fitted
+
+    while candidates:
+        if search.budget.spent():
+            search.budget.leave(label(c.effect) for c in candidates if c.effect not in best)
+            return
+        # what the best of them gains tells which of the others still has a chance
+        batch, candidates = candidates[:AT_ONCE], candidates[AT_ONCE:]
+        for fitted in filter(None, side_by_side(tried, batch)):
+            effect = fitted.effect
+            best[effect] = min(best.get(effect, fitted), fitted, key=lambda e: e.fit.bic)
+        gained = max((origin.model.fit.deviance - e.fit.deviance for e in best.values()), default=0.0)
+        candidates = [c for c in candidates if c.predicted.fall > DOMINATED * gained]
 
 
 def _tried(search: Search, below: FittedCandidate, screened: ScreenedCandidate) -> FittedCandidate | None:
@@ -179,7 +207,7 @@ def _tried(search: Search, below: FittedCandidate, screened: ScreenedCandidate) 
         if fitted.fit.deviance > below.fit.deviance:  # it contains that model, so the search was lost
             at_rest = screened.predicted.without_step()
             fitted = search.fit_extended(replace(screened, below=below, predicted=at_rest))
-    except UserError as error:
+    except FAILURES as error:
         name = label(screened.effect)
         search.not_assessed[name] = Note(NoteCode.NOT_SIMULATED, name, {"reason": str(error)})
         return None

@@ -23,7 +23,7 @@ from orchestration.discrepancy.systems.member import MemberSimulation, opened
 from orchestration.discrepancy.systems.member_diagnosis import Effort, diagnose_member, not_assessed
 from orchestration.discrepancy.systems.partners import connections_between, loop_members, partners_of
 from orchestration.discrepancy.systems.reason import Reason, ReasonCode
-from orchestration.discrepancy.systems.system_record import read_system_record
+from orchestration.discrepancy.systems.system_record import columns_of, read_system_record
 from orchestration.discrepancy.systems.verdict import MemberDiagnosis, SystemDiagnosis
 from orchestration.records import parse_mapping
 from orchestration.system import Port, System, ssp
@@ -69,11 +69,13 @@ def diagnose_system(
         system = ssp.read(ssp_path, Path(folder))
         check(system)
         system, given = _configured(system, settings)
-        record, measured = read_system_record(record_path, system, parse_mapping(mapping))
+        renamed = parse_mapping(mapping)
+        record, measured = read_system_record(record_path, system, renamed)
         if record.time.size < _SHORTEST:
             raise UserError(f"{record_path}: {record.time.size} samples are too few; {_SHORTEST} are the least")
         members = _Members(system, record.time, effort or Effort(), progress)
-        return SystemDiagnosis(system.name, record, members.diagnosed(isolated_members(system, measured, given)))
+        diagnosed = members.diagnosed(isolated_members(system, measured, given))
+        return SystemDiagnosis(system.name, record, diagnosed, columns_of(system, record, renamed))
 
 
 def _configured(system: System, settings: Sequence[str]) -> tuple[System, dict[Port, float]]:

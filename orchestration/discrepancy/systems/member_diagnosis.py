@@ -82,7 +82,8 @@ def not_assessed(isolated: IsolatedMember, reasons: Sequence[Reason]) -> MemberD
     """The diagnosis of a member of which nothing can be said, and why."""
     member = isolated.member
     model = read_description(member.fmu).modelName
-    return MemberDiagnosis(member.name, member.fmu.name, model, MemberVerdict.CANNOT_BE_JUDGED, list(reasons))
+    verdict, settings = MemberVerdict.CANNOT_BE_JUDGED, dict(member.parameters)
+    return MemberDiagnosis(member.name, member.fmu.name, model, verdict, list(reasons), settings)
 
 
 def _parameters(isolated: IsolatedMember, adjusted: AdjustmentResult) -> dict[str, AdjustedParameter]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
 from orchestration.records import Record, read_record
+from orchestration.records.table import split_header_cell
 from orchestration.system.check import interface
 from orchestration.system.model import Port, System
 
@@ -85,6 +86,35 @@ def read_system_record(path: Path, system: System, mapping: Mapping[str, str]) -
             raise UserError(f"{path}: {name} is {known[name]}, and another column is too; leave out one of them")
         measured[known[name]] = values
     return record, measured
+
+
+def columns_of(system: System, record: Record, mapping: Mapping[str, str]) -> dict[Port, tuple[str, str]]:
+    """Which column of the file every port can be read from.
+
+    Parameters
+    ----------
+    system : System
+    record : Record
+        As `read_system_record` returned it.
+    mapping : Mapping of str to str
+        Column to signal.
+
+    Returns
+    -------
+    dict of Port to tuple of str
+        The column, and the unit in brackets that the user says it is in; empty if the file tells.
+    """
+    known = signal_names(system)
+    columns = {known[name]: (name, "") for name in record.signals}
+    for column, target in mapping.items():
+        name, unit = split_header_cell(target)
+        if name in known:
+            columns[known[name]] = column, f"[{unit}]" if unit else ""
+    same = [(c.source, c.target) for c in system.connections if c.passes_on] + list(system.inputs.values())
+    for ports in same:
+        there = [columns[port] for port in ports if port in columns]
+        columns |= {port: there[0] for port in ports if port not in columns and there}
+    return columns
 
 
 def _unit(system: System, port: Port) -> str:

@@ -10,7 +10,9 @@ from orchestration.discrepancy.systems.adjust import AdjustmentResult
 from orchestration.discrepancy.systems.assessment import OutputAssessment
 from orchestration.discrepancy.systems.cut import InputSource
 from orchestration.discrepancy.systems.reason import Reason, ReasonCode
+from orchestration.fmu.signal import Value
 from orchestration.records import Record
+from orchestration.system.model import Port
 
 
 class MemberVerdict(StrEnum):
@@ -50,6 +52,8 @@ class MemberDiagnosis:
         In the system, the file, and the name that the FMU gives its model: for one of ours that of the component.
     verdict : MemberVerdict
     reasons : list of Reason
+    settings : dict of str to float or str
+        Parameters, and inputs that stay at a value, in the system.
     inputs : dict of str to InputSource
         What it was fed.
     linear : list of str
@@ -66,6 +70,7 @@ class MemberDiagnosis:
     model: str
     verdict: MemberVerdict
     reasons: list[Reason]
+    settings: dict[str, Value] = field(default_factory=dict)
     inputs: dict[str, InputSource] = field(default_factory=dict)
     linear: list[str] = field(default_factory=list)
     before: dict[str, OutputAssessment] = field(default_factory=dict)
@@ -86,10 +91,10 @@ class MemberDiagnosis:
         return self.after or self.before
 
     @property
-    def columns(self) -> dict[str, str]:
-        """Measured inputs and outputs of the FMU, and what each is called in the system."""
-        fed = {name: str(source.signal) for name, source in self.inputs.items() if source.signal is not None}
-        return fed | {output: f"{self.name}.{output}" for output in self.before}
+    def measured(self) -> dict[str, Port]:
+        """Measured inputs and outputs of the FMU, and where in the system each was measured."""
+        fed = {name: source.signal for name, source in self.inputs.items() if source.signal is not None}
+        return fed | {output: Port(self.name, output) for output in self.before}
 
     @property
     def assessable(self) -> bool:
@@ -106,11 +111,14 @@ class SystemDiagnosis:
     system : str
     record : Record
     members : list of MemberDiagnosis
+    columns : dict of Port to tuple of str
+        Which column of the file every port can be read from, see `systems.system_record.columns_of`.
     """
 
     system: str
     record: Record
     members: list[MemberDiagnosis]
+    columns: dict[Port, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def wrong(self) -> list[str]:

@@ -16,6 +16,7 @@ from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import diagnosis as diagnosing
 from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.quality import assess
@@ -294,6 +295,17 @@ def no_experiment(monkeypatch):
     still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
     record = replace(record, signals=record.signals | still)
     return pipeline.diagnose(record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+
+
+@makes(NoteCode.NOT_REFITTED)
+def not_refitted(monkeypatch):
+    monkeypatch.setattr(diagnosing.Search, "refit", fails)
+    return diagnose(PpyActuator, short_record(), []).notes
+
+
+@makes(NoteCode.TIME_SPENT)
+def time_spent(monkeypatch):
+    return diagnose(PpyActuator, short_record(), [SATURATION], budget=Budget(1e-9)).notes
 
 
 # --- sentences ------------------------------------------------------------------------------------------------------

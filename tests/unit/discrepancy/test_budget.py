@@ -1,0 +1,105 @@
+"""Claims: a diagnosis that runs out of time returns the best answer so far and says so; one that does not is unchanged.
+
+The clock is replaced by one that ticks at every look, so that the time ends at the same place on every machine.
+"""
+
+from itertools import count
+
+import numpy as np
+import pytest
+
+from fmus.kit.errors import UserError
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy import budget as budget_module
+from orchestration.discrepancy import diagnosis as diagnosis_module
+from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.budget import Budget, default_time
+from orchestration.discrepancy.diagnosis import Verdict, diagnose
+from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.report import wording
+from orchestration.fmu.model import find_model
+from tests.support.diagnosis import FEW, rig_record, short_record
+
+HIDDEN = "strain_saturation"
+
+
+def with_ticks(monkeypatch, ticks):
+    """Diagnose with a clock that ticks at every look."""
+    clock = count()
+    monkeypatch.setattr(budget_module, "monotonic", lambda: float(next(clock)))
+    return diagnose(PpyActuator, short_record(HIDDEN), FEW, budget=Budget(ticks))
+
+
+def spent(diagnosis):
+    """The note on the time, if there is one."""
+    return next((note for note in diagnosis.notes if note.code is NoteCode.TIME_SPENT), None)
+
+
+def test_the_best_answer_so_far_is_returned_wherever_the_time_ends(monkeypatch):
+    ended = {ticks: with_ticks(monkeypatch, ticks) for ticks in (0.5, 8.0, 30.0, 1e9)}
+    for diagnosis in ended.values():
+        assert set(diagnosis.estimates) >= {"R1", "C", "alpha"}
+        assert set(diagnosis.after) == set(diagnosis.estimation.measured)
+    assert {e.id for e in FEW} <= set(spent(ended[0.5]).facts["untried"])
+    assert ended[0.5].causes == []
+    assert "(The time was spent before all was tried.)" in wording.sentence(ended[0.5])
+    assert "not tried: strain_saturation, quadratic_strain" in wording.message(spent(ended[0.5]))
+    # with more time it gets further, and with enough nothing is said
+    assert len(spent(ended[30.0]).facts["untried"]) <= len(spent(ended[8.0]).facts["untried"])
+    assert spent(ended[1e9]) is None
+    assert ended[1e9].verdict is Verdict.CAUSE
+    assert ended[1e9].causes == [HIDDEN]
+    assert "time" not in wording.sentence(ended[1e9])
+
+
+def test_a_fit_that_is_ended_early_keeps_its_best_point(monkeypatch):
+    """With every point after the first refused the base model is what it was; with some it is nearer to the record."""
+    errors = {}
+    for ticks in (0.5, 4.0, 1e9):
+        found = with_ticks(monkeypatch, ticks)
+        left = found.selection.base.fit.residual
+        errors[ticks] = sum(np.var(left[o]) / np.nanvar(y) for o, y in found.estimation.measured.items())
+    assert errors[0.5] > 1.1 * errors[4.0]
+    assert errors[4.0] > 0.98 * errors[1e9]
+
+
+def test_longer_records_have_more_time():
+    assert default_time(6_000) == default_time(60_000) == 60.0
+    assert default_time(180_000) == 180.0
+
+
+@pytest.mark.parametrize("time", [0.0, -1.0, float("nan")])
+def test_no_time_at_all_is_refused(time):
+    with pytest.raises(UserError, match="is no time; inf is without limit"):
+        pipeline.diagnose(rig_record(), find_model("ppy_actuator"), options=pipeline.Options(time=time))
+
+
+def test_a_late_failure_costs_what_failed_only(monkeypatch):
+    def broken(*_):
+        raise RuntimeError("out of paper")
+
+    def lost(*_):
+        raise UserError("no way")
+
+    monkeypatch.setattr(pipeline, "measured_gain", broken)
+    monkeypatch.setattr(diagnosis_module.Search, "refit", lost)
+    options = pipeline.Options(effects=[e.id for e in FEW])
+    result = pipeline.diagnose(rig_record(HIDDEN), find_model("ppy_actuator"), options=options)
+    assert result.diagnosis.causes == [HIDDEN]
+    assert result.gain is None
+    told = {note.code: wording.message(note) for note in result.notes}
+    assert "RuntimeError: out of paper" in told[NoteCode.FMU_FAILED]
+    assert told[NoteCode.NOT_REFITTED].endswith("only to its first part: no way")
+
+
+def test_one_fit_that_fails_is_told_and_the_others_stand(monkeypatch):
+    fit_extended = diagnosis_module.Search.fit_extended
+
+    def some(self, screened):
+        if screened.effect.id == "quadratic_strain":
+            raise ZeroDivisionError("0 / 0")
+        return fit_extended(self, screened)
+
+    monkeypatch.setattr(diagnosis_module.Search, "fit_extended", some)
+    diagnosis = diagnose(PpyActuator, short_record(HIDDEN), FEW)
+    assert diagnosis.causes == [HIDDEN]
