@@ -17,13 +17,14 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.screening import divided, is_excited
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, analyse_residuals
+from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, Structure, analyse_residuals
 from orchestration.discrepancy.residuals.innovations import power
 from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import intersample
 from orchestration.discrepancy.selection.intersample import Intersample
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
+from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
 from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
@@ -75,6 +76,8 @@ class Diagnosis:
         What could not be assessed, and why.
     intersample : dict of str to Intersample
         What every input that moves is taken to do between samples.
+    excused : frozenset of tuple of str and type
+        Kinds of structure, by output, that noise on the inputs makes by itself.
     """
 
     verdict: Verdict
@@ -91,6 +94,11 @@ class Diagnosis:
     final: FittedCandidate
     notes: list[Note] = field(default_factory=list)
     intersample: dict[str, Intersample] = field(default_factory=dict)
+    excused: frozenset[tuple[str, type]] = frozenset()
+
+    def unexplained(self, output: str) -> list[Structure]:
+        """Structure in the residual of an output that noise on the inputs does not make, the most telling first."""
+        return [s for s in self.residuals[output].structure if (output, type(s)) not in self.excused]
 
     @property
     def causes(self) -> list[str]:
@@ -169,17 +177,23 @@ def diagnose(
         parts = parts.with_linear(intersample.linear(chosen))
     estimation, validation = parts.estimation, parts.validation
     selection = Selection(base) if inconclusive else select(search, effects, base)
+    noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
+    selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
     final, failed = _refitted(replace(search, data=parts.usable), selection.best, validation)
-    values = estimates(final)
-    changed = [] if inconclusive else significantly_changed(final, search.parameters)
+    more = noise.spread_of(final.problem.names)
+    values = estimates(final, more)
+    changed = [] if inconclusive else significantly_changed(final, search.parameters, more)
     odd = implausible(values, [name for name in search.parameters if name not in cls.layout.start_parameters])
     residuals = analyse_residuals(selection.best, estimation)
+    excused = errors_in_variables.excused(residuals, selection, search, noise)
     before, after = predictions[0].errors, predictions[-1].errors
     errors = errors_side_by_side(selection.base, selection.best, validation)
     notes = [
         *_excitation_notes(parts.notes, estimation, excited, starts),
         *intersample.remarks(chosen),
+        *errors_in_variables.remarks(noise, base, estimation.inputs),
+        *by_noise,
         *dropped,
         *failed,
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
@@ -191,10 +205,10 @@ def diagnose(
     if inconclusive:
         verdict = Verdict.AMBIGUOUS
     else:
-        verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed)
+        verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed, excused)
     return Diagnosis(
         verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
-        chosen,
+        chosen, excused,
     )  # fmt: skip
 
 
@@ -249,7 +263,12 @@ def _confounders(selection: Selection) -> list[Note]:
     return notes
 
 
-def _verdict(selection: Selection, residuals: Mapping[str, ResidualAnalysis], changed: Sequence[str]) -> Verdict:
+def _verdict(
+    selection: Selection,
+    residuals: Mapping[str, ResidualAnalysis],
+    changed: Sequence[str],
+    excused: frozenset[tuple[str, type]],
+) -> Verdict:
     if any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
         return Verdict.UNEXPLAINED
     # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
@@ -260,7 +279,8 @@ def _verdict(selection: Selection, residuals: Mapping[str, ResidualAnalysis], ch
         and power(after.residual[o]) - noise[o] < TOLERATED_STRUCTURE * (power(before.residual[o]) - noise[o])
         for o in residuals
     }
-    if any(analysis.structure and not small[o] for o, analysis in residuals.items()):
+    left = [o for o, analysis in residuals.items() for s in analysis.structure if (o, type(s)) not in excused]
+    if not all(small[o] for o in left):
         return Verdict.UNEXPLAINED
     if selection.steps:
         return Verdict.AMBIGUOUS if any(step.alternatives for step in selection.strong) else Verdict.CAUSE

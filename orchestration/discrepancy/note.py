@@ -30,6 +30,7 @@ class NoteCode(StrEnum):
     # how far the data reach
     INTERSAMPLE = "intersample"
     INTERSAMPLE_OPEN = "intersample_open"
+    INPUT_NOISE = "input_noise"
     CONSTANT_INPUT = "constant_input"
     NO_EXCITATION = "no_excitation"
     EXCITATION_BELOW_NOISE = "excitation_below_noise"
@@ -44,6 +45,7 @@ class NoteCode(StrEnum):
     UNIDENTIFIABLE = "unidentifiable"
     NOT_SIMULATED = "not_simulated"
     NOT_VALIDATED = "not_validated"
+    INPUT_NOISE_DOES_THE_SAME = "input_noise_does_the_same"
     CONFOUNDED = "confounded"
     # what is left
     OUTLYING_RESIDUALS = "outlying_residuals"

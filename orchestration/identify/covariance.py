@@ -12,6 +12,7 @@ from orchestration.identify.noise import Noise
 
 Array = NDArray[np.float64]
 _SINGULAR = 1e-10  # eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding
+_LEVERAGE = 0.9  # highest that is granted: a sample that is fitted exactly tells nothing of its noise
 _INVOLVED = 1e-3  # share of a parameter in such a direction, from which on it is not identifiable itself
 
 
@@ -89,20 +90,24 @@ def sandwich(bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise
     return replace(bread, matrix=halves.T @ halves)
 
 
-def heteroscedastic(bread: Covariance, scores: Array) -> Covariance:
+def heteroscedastic(bread: Covariance, jacobian: Array, score: Array) -> Covariance:
     """Widen a covariance where the level of the noise varies with what the derivatives do.
 
-    White's estimate (Econometrica 48, 1980) is taken where it is larger: few scores tell little of their spread.
+    White's estimate is taken where it is larger, for few samples tell little of their spread, with every residual as it
+    would be had its sample not been fitted (HC3 of MacKinnon and White, J. Econometrics 29, 1985).
 
     Parameters
     ----------
     bread : Covariance
         Inverse of the information.
-    scores : ndarray, shape (m, p)
+    jacobian : ndarray, shape (m, p)
         Of every innovation.
+    score : ndarray, shape (m,)
+        Every innovation times its weight.
     """
-    m, p = scores.shape
-    robust = ((scores @ bread.matrix) ** 2).sum(axis=0) * m / max(m - p, 1)
+    along = jacobian @ bread.matrix
+    leverage = np.clip((along * jacobian).sum(axis=1), 0.0, _LEVERAGE)
+    robust = ((along * (score / (1.0 - leverage))[:, np.newaxis]) ** 2).sum(axis=0)
     plain = np.diag(bread.matrix)
     wider = np.sqrt(np.maximum(np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0), 1.0))
     return replace(bread, matrix=bread.matrix * np.outer(wider, wider))

@@ -91,6 +91,17 @@ class Noise:
             return np.ones_like(innovation)
         return np.asarray((self.freedom + 1.0) / (self.freedom + innovation**2))
 
+    def curvature(self, innovation: Array) -> Array:
+        """Second derivative of minus the logarithm of the density of every innovation, (m,), at one of its size.
+
+        Weights are never negative, and this is where a sample is far out; but where the level of the noise varies, it
+        is smaller by far where it is high.
+        """
+        if self.freedom == inf:
+            return np.ones_like(innovation)
+        square = innovation**2
+        return np.asarray((self.freedom + 1.0) * (self.freedom - square) / (self.freedom + square) ** 2)
+
     def deviance(self, innovation: Array, present: NDArray[np.bool_]) -> float:
         """Minus twice the logarithm of a likelihood, less that of as many Gaussian samples of unit density at zero.
 

@@ -25,6 +25,7 @@ Residual = Callable[[Array], Array]
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 PRIOR_STD = 1.0
 _BISECTIONS = 6
+_CURVED = 0.1  # of the curvature that is expected, below which the one observed is chance
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
 
 
@@ -239,6 +240,15 @@ def trusted(problem: Problem, likeliest: FitResult, free_run: FitResult) -> FitR
     return likeliest if pooled_error(likeliest.residual, scales, weights) <= near else free_run
 
 
+def _is_curved(observed: Array, expected: Array) -> bool:
+    """Whether an observed information is positive in every direction, beside the one that is expected."""
+    scale = np.sqrt(np.diag(expected))
+    seen = scale > 0.0
+    size = np.outer(scale[seen], scale[seen])
+    least = [np.linalg.eigvalsh(m[np.ix_(seen, seen)] / size).min(initial=1.0) for m in (observed, expected)]
+    return bool(least[0] > _CURVED * least[1])
+
+
 def _prior(problem: Problem, physical: NDArray[np.bool_] | None, prior_std: float) -> _Prior:
     mean = problem.position(problem.start)
     held = np.isfinite(mean) & (False if physical is None else physical)
@@ -296,7 +306,10 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     jacobian = {o: n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()}
     deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
     information = sum(n.information * jacobian[o].T @ jacobian[o] for o, n in noise.items())
-    scores = np.vstack([(weights[o] * innovation[o])[:, np.newaxis] * jacobian[o] for o in noise])
+    score = np.concatenate([weights[o] * innovation[o] for o in noise])
+    bent = np.asarray(sum((jacobian[o].T * n.curvature(innovation[o])) @ jacobian[o] for o, n in noise.items()))
+    # of few samples in heavy tails the curvature may be anything
+    bread = covariance(bent if _is_curved(bent, np.asarray(information)) else np.asarray(information), prior.precision)
     return FitResult(
         q,
         problem.values(q),
@@ -308,7 +321,7 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
         prior_precision=prior.precision,
         deviance=float(deviance + (prior.residual(q) ** 2).sum()),
         parameters=len(q) + sum(n.parameters for n in noise.values()),
-        samples=len(scores),
+        samples=len(score),
         converged=minimum.converged,
-        covariance=heteroscedastic(covariance(np.asarray(information), prior.precision), scores),
+        covariance=heteroscedastic(bread, np.vstack(list(jacobian.values())), score),
     )

@@ -60,12 +60,13 @@ def stimulus(kind: str, time: Array, seed: int, rate: float) -> Array:
 def record(
     kind: str, held: bool, seed: int, duration: float = 120.0, rate: float = 10.0, noise: float = 1.0,
     force: str | None = None, force_held: bool = True, input_noise: float = 0.0,
+    restless: float = 0.0,
     outputs: tuple[str, ...] = ("voltage", "displacement"),
 ) -> Dataset:  # fmt: skip
     """Measure the actuator driven with a current that is held between samples, or is as it is between them.
 
     The force is 1 N, or a stimulus about it. Noise is in units of `NOISE`; that of the inputs, which the actuator does
-    not see, is a share of their range.
+    not see, is a share of their range. A restless current that is held has noise that it does see.
     """
     random = np.random.default_rng([seed, 11])
     coarse = np.arange(round(duration * rate)) / rate
@@ -75,6 +76,7 @@ def record(
         if kind is None:
             return np.ones(len(fine)) * 0.0
         values = stimulus(kind, coarse, seed, rate)
+        values = values + restless * np.ptp(values) * np.random.default_rng([seed, 13]).standard_normal(len(coarse))
         return np.repeat(values, _FINE)[: len(fine)] if held else stimulus(kind, fine, seed, rate)
 
     drives = [(course(kind, held, seed), held), (1.0 + 0.5 * course(force, force_held, seed + 1), force_held)]

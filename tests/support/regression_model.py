@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.stats import norm
 
 from fmus.kit import Component, Input, Output, Parameter
@@ -36,6 +37,9 @@ OTHERS = [make(Amplifier, "amplified", "signal", unit="V")
           for make in (coulomb_friction, asymmetric_friction, cubic_stiffness)]  # fmt: skip
 
 
+ASYMMETRY = OTHERS[1]
+
+
 def offset_record(ratio: float, seed: int) -> Dataset:
     """A record in which an offset is worth a given likelihood ratio, exactly.
 
@@ -44,10 +48,43 @@ def offset_record(ratio: float, seed: int) -> Dataset:
     noise is otherwise as Gaussian as its quantiles, in an order drawn at random, and orthogonal to what any of the
     other effects does, too.
     """
+    signal, noise = _drawn(seed)
+    offset = np.sqrt(np.mean(noise**2) * np.expm1(ratio / COUNT))
+    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": GAIN * signal + offset + noise})
+
+
+def divided_record(ratio: float, gap: float, seed: int) -> Dataset:
+    """A record in which an offset is worth a likelihood ratio, and the asymmetry, instead of it, a gap less.
+
+    What is added to the noise lies in the plane of the two; a projection p on either direction is worth
+    n ln(S / (S - p^2)) of the sum of squares S.
+    """
+    signal, noise = _drawn(seed)
+    one, other = np.ones(COUNT) / np.sqrt(COUNT), np.abs(signal) / np.linalg.norm(signal)
+    across = other - (one @ other) * one
+    across /= np.linalg.norm(across)
+
+    def added(angle: float) -> Array:
+        """What is worth the ratio along the first direction: p^2 (S - p^2)^-1 is given."""
+        share = np.expm1(ratio / COUNT)
+        along = np.sqrt(share * (noise @ noise) / (1.0 - share * np.tan(angle) ** 2))
+        return np.asarray(along * (one + np.tan(angle) * across))
+
+    def missed(angle: float) -> float:
+        residual = noise + added(angle)
+        total = residual @ residual
+        worth = [COUNT * np.log(total / (total - (residual @ d) ** 2)) for d in (one, other)]
+        return float(worth[0] - worth[1] - gap)
+
+    angle = brentq(missed, 0.0, 0.5 * np.arccos(one @ other))
+    shown = GAIN * signal + noise + added(angle)
+    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown})
+
+
+def _drawn(seed: int) -> tuple[Array, Array]:
+    """An input, and noise that is orthogonal to whatever the model or an effect makes of it."""
     rng = np.random.default_rng(seed)
     signal = rng.permutation(norm.ppf((np.arange(COUNT) + 0.5) / COUNT))
     noise = rng.permutation(SPREAD * norm.ppf((np.arange(COUNT) + 0.5) / COUNT))
     known = np.column_stack([np.ones(COUNT), signal, np.abs(signal), signal**3, np.tanh(signal)])
-    noise -= known @ np.linalg.lstsq(known, noise)[0]
-    offset = np.sqrt(np.mean(noise**2) * np.expm1(ratio / COUNT))
-    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": GAIN * signal + offset + noise})
+    return signal, noise - known @ np.linalg.lstsq(known, noise)[0]

@@ -46,7 +46,9 @@ class Amount:
         return ((self.value - 1.0) / self.standard_error) ** 2
 
 
-def encompassing(model: FittedCandidate, others: Sequence[Mapping[str, Array]]) -> list[Amount]:
+def encompassing(
+    model: FittedCandidate, others: Sequence[Mapping[str, Array]], disturbances: Sequence[Mapping[str, Array]] = ()
+) -> list[Amount]:
     """Estimate how much of other simulations a record asks for, all of them beside each other.
 
     Parameters
@@ -54,6 +56,8 @@ def encompassing(model: FittedCandidate, others: Sequence[Mapping[str, Array]]) 
     model : FittedCandidate
     others : sequence of Mapping of str to ndarray, shape (n,)
         What each makes of the outputs at the fitted parameters, SI.
+    disturbances : sequence of Mapping of str to ndarray, shape (n,)
+        Realisations of what else may be in the outputs beside their noise, SI; they add to the standard errors.
 
     Returns
     -------
@@ -71,7 +75,13 @@ def encompassing(model: FittedCandidate, others: Sequence[Mapping[str, Array]]) 
     slopes, innovation = np.vstack(rows), np.concatenate(errors)
     spread = covariance(slopes.T @ slopes, np.append(fit.prior_precision, np.zeros(len(others))))
     amounts = -spread.matrix @ (slopes.T @ innovation)
+    errors_squared = spread.standard_errors**2
+    for disturbance in disturbances:
+        pieces = [
+            noise.whiten(disturbance[o][problem.present[o]], problem.present[o]) for o, noise in fit.noise.items()
+        ]
+        errors_squared = errors_squared + (spread.matrix @ (slopes.T @ np.concatenate(pieces))) ** 2 / len(disturbances)
     own, n = slopes[:, : len(fit.q)], len(fit.q)
     shifts = -covariance(own.T @ own, fit.prior_precision).matrix @ (own.T @ slopes[:, n:])
-    found = zip(amounts[n:], spread.standard_errors[n:], shifts.T, strict=True)
+    found = zip(amounts[n:], np.sqrt(errors_squared[n:]), shifts.T, strict=True)
     return [Amount(float(value), float(error), shift) for value, error, shift in found]

@@ -48,6 +48,9 @@ _NOTES = {
     NoteCode.INTERSAMPLE_OPEN:
         "taken to {course} between samples, {basis}, but the fits do not tell{margin}: the other way, {parameter} "
         "would be {factor:.4g} times as large; --interpolate or --no-interpolate forces it",
+    NoteCode.INPUT_NOISE:
+        "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive the outputs: "
+        "{parameter} comes out {bias} off by that, and evidence for effects counts only beyond what such noise makes",
     NoteCode.CONSTANT_INPUT:
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and effects that need "
         "them cannot be told apart",
@@ -67,6 +70,8 @@ _NOTES = {
     NoteCode.UNIDENTIFIABLE: "{subject} was not judged: on this record other parameters do the same",
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
     NoteCode.NOT_VALIDATED: "fits the estimation data better, but not the part held out, and is not claimed",
+    NoteCode.INPUT_NOISE_DOES_THE_SAME:
+        "not claimed: noise on {inputs} makes as much evidence by itself (BIC falls by {gain:.3g})",
     NoteCode.CONFOUNDED: "much of what it does, others would do: {shares}",
     NoteCode.OUTLYING_RESIDUALS:
         "{count} samples, {share}, lie far from what is fitted and from all others: no verdict rests on them",
@@ -120,7 +125,7 @@ def _unexplained(diagnosis: Diagnosis) -> list[str]:
         parts += [f"a line at {line.frequency:.3g} Hz in {output}" for line in analysis.lines[:1]]
         shifts = len(analysis.level_shifts)
         parts += [f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}"] if shifts else []
-        parts += [structure(item, output) for item in analysis.structure[:1]]
+        parts += [structure(item, output) for item in diagnosis.unexplained(output)[:1]]
     return parts + [message(note) for note in diagnosis.notes if note.code is NoteCode.IMPLAUSIBLE]
 
 
@@ -146,6 +151,8 @@ def _fact(name: str, value: Any) -> Any:
         )
     if name == "margin":
         return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
+    if name == "bias":
+        return f"{100.0 * value:+.2g} %"
     if name == "untried":
         return f"not tried: {_some(value)}" if value else "fits were ended early"
     if name in ("share", "usable"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -15,8 +14,8 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.intersample import Course, course
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.selection.input_noise import disturbances, noisy_inputs, simulated
 from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.delay import DelayedModel
 
 CLEAR = 10.0  # fall of BIC that overrules the course of an input: very strong evidence (Kass and Raftery 1995)
 # Half a sample of an unknown lag looks a little like the other choice. Then a record asks for another amount of it
@@ -110,9 +109,9 @@ def by_fit(
         return search, base, chosen
     now = linear(chosen)
     try:
-        amounts = dict(
-            zip(names, encompassing(base, [_simulated(base, search.data, now ^ {n}) for n in names]), strict=True)
-        )
+        others = [simulated(search, base, replace(search.data, linear=now ^ {n})) for n in names]
+        noise = disturbances(search, base, noisy_inputs(search.base, search.data))
+        amounts = dict(zip(names, encompassing(base, others, noise), strict=True))
     except UserError:
         return search, base, chosen
     asked = {n for n, amount in amounts.items() if _asked(amount)}
@@ -129,11 +128,6 @@ def by_fit(
         return search, base, assessed | {n: replace(assessed[n], margin=-margin) for n in asked}
     overruled = {n: Intersample(not chosen[n].linear, Basis.FIT, margin) for n in asked}
     return other, fitted, assessed | overruled
-
-
-def _simulated(model: FittedCandidate, data: Dataset, linear: Collection[str]) -> dict[str, np.ndarray]:
-    other = DelayedModel(model.candidate.cls, [], linear)
-    return other.run(data.time, data.inputs, model.problem.start | model.fit.values).signals
 
 
 def _asked(amount: Amount) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.estimate import Estimate, significantly_different
@@ -14,21 +14,21 @@ Array = NDArray[np.float64]
 _IMPLAUSIBLE = 30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
 
 
-def estimates(model: FittedCandidate) -> dict[str, Estimate]:
-    """Searched parameters by name, with their 95 % intervals, SI."""
+def estimates(model: FittedCandidate, more: ArrayLike = 0.0) -> dict[str, Estimate]:
+    """Searched parameters by name, with their 95 % intervals, SI; ``more`` (p,) is deviation beside that of the fit."""
     problem, fitted = model.problem, model.fit
-    intervals = problem.intervals(fitted.q, fitted.covariance.standard_errors)
+    intervals = problem.intervals(fitted.q, np.hypot(fitted.covariance.standard_errors, more))
     return {
         name: Estimate(fitted.values[name], problem.start[name], interval, problem.declared[name].unit)
         for name, interval in intervals.items()
     }
 
 
-def significantly_changed(model: FittedCandidate, parameters: Sequence[str]) -> list[str]:
-    """Physical parameters that are surely and noticeably others than nominal."""
+def significantly_changed(model: FittedCandidate, parameters: Sequence[str], more: ArrayLike = 0.0) -> list[str]:
+    """Physical parameters that are surely and noticeably others than nominal; ``more`` as in `estimates`."""
     problem, fitted = model.problem, model.fit
     change = np.abs(fitted.q - problem.position(problem.start))
-    errors = fitted.covariance.standard_errors
+    errors = np.hypot(fitted.covariance.standard_errors, more)
     t_statistics = {
         name: x / error
         for name, x, error in zip(problem.names, change, errors, strict=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
-from fmus.kit.sensors import sensor_gain
+from fmus.kit.sensors import sensor_gain, sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import diagnosis as diagnosing
@@ -224,6 +224,13 @@ def intersample(monkeypatch):
 def intersample_open(monkeypatch):
     data = record("multisine", False, 2, duration=40.0, outputs=("voltage",), noise=3.0)
     return diagnose(PpyActuator, data, [], held=PpyActuator.layout.start_parameters).notes
+
+
+@makes(NoteCode.INPUT_NOISE, NoteCode.INPUT_NOISE_DOES_THE_SAME)
+def input_noise(monkeypatch):
+    data = record("triangle", False, 3, force="multilevel", input_noise=0.005)
+    lag = sensor_lag(PpyActuator, "voltage")
+    return diagnose(PpyActuator, data, [lag], held=PpyActuator.layout.start_parameters).notes
 
 
 # --- effects --------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
-from tests.support.regression_model import COUNT, OFFSET, OTHERS, Amplifier, offset_record
+from tests.support.regression_model import ASYMMETRY, COUNT, OFFSET, OTHERS, Amplifier, divided_record, offset_record
 
 VERY_STRONG = 10.0  # fall of BIC (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995)
 PARAMETER = float(np.log(COUNT))  # that BIC asks of each
@@ -37,3 +37,15 @@ def test_looking_at_many_effects_has_its_price(seed):
     enough_for_one = VERY_STRONG + PARAMETER + 0.5 * price
     assert named(enough_for_one, [OFFSET, *OTHERS], seed) == []
     assert "force_offset" in named(enough_for_one + price + MARGIN, [OFFSET, *OTHERS], seed)
+
+
+STRONG = 6.0  # difference of BIC (Kass and Raftery)
+
+
+@pytest.mark.parametrize(("gap", "alternatives"), [(STRONG - MARGIN, ["asymmetric_friction"]), (STRONG + MARGIN, [])])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_another_effect_is_an_alternative_unless_there_is_strong_evidence_between_them(gap, alternatives, seed):
+    search = Search(divided_record(60.0, gap, seed), Amplifier, ["gain"])
+    (step,) = select(search, [OFFSET, ASYMMETRY]).steps
+    assert step.chosen.effect_name == "force_offset"
+    assert [other.effect_name for other in step.alternatives] == alternatives

@@ -1,0 +1,117 @@
+"""Claims: noise on a measured input is recognised, its bias is estimated, intervals bear it, and it is no cause.
+
+The records are SciPy's; the noise on the inputs is not seen by the actuator that is simulated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmus.kit import Component, Input, Output, Parameter
+from fmus.kit.sensors import sensor_drift, sensor_lag
+from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.selection.input_noise import measured_noise
+from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.validation.errors_in_variables import assess
+from tests.support.diagnosis import short_record
+from tests.support.intersample_records import TRUE, record, stimulus
+
+AT_REST = tuple(PpyActuator.layout.start_parameters)
+KINDS = ("chirp", "multisine", "triangle", "square", "prbs", "multilevel")
+SENSORS = [sensor_lag(PpyActuator, "voltage"), sensor_drift(PpyActuator, "voltage")]
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_noise_is_seen_on_every_course(kind, rate):
+    values = stimulus(kind, np.arange(round(120.0 * rate)) / rate, 1, rate)
+    for share in (0.001, 0.005, 0.02):
+        noise = share * np.ptp(values)
+        measured = values + noise * np.random.default_rng(2).standard_normal(len(values))
+        if share > 0.001 or kind not in ("chirp", "multisine"):  # of which third differences are larger
+            assert measured_noise(measured) == pytest.approx(noise, rel=0.25)
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0, 50.0])
+@pytest.mark.parametrize("kind", [*KINDS, "every sample"])
+def test_what_has_no_noise_has_none(kind, rate):
+    values = stimulus(kind, np.arange(round(240.0 * rate)) / rate, 1, rate)
+    assert measured_noise(values) == 0.0
+
+
+class Gain(Component):
+    """What is fed, times a factor."""
+
+    name = "gain"
+    factor = Parameter(1.0, "1", min=0)
+    u = Input("1")
+
+    @Output("1")
+    def y(self):
+        return self.factor * self.u
+
+
+def test_the_bias_is_that_of_attenuation():
+    """Least squares on a noisy regressor is short by the share of noise in its power (Fuller 1987, section 1.1)."""
+    time = 0.1 * np.arange(20000)
+    u, noise = stimulus("triangle", time, 1, 10.0), 0.05
+    random = np.random.default_rng(5)
+    measured = {"y": 2.0 * u + 0.02 * random.standard_normal(len(u))}
+    data = Dataset(time, {"u": u + noise * random.standard_normal(len(u))}, measured, frozenset())
+    search = Search(data, Gain, ["factor"])
+    base = search.nominal()
+    found = assess(search, base)
+    attenuation = noise**2 / (np.mean(u**2) + noise**2)
+    assert base.fit.values["factor"] / 2.0 - 1.0 == pytest.approx(-attenuation, rel=0.3)
+    assert found.deviation["u"] == pytest.approx(noise, rel=0.05)
+    assert float(found.bias[0]) == pytest.approx(-attenuation, rel=0.3)  # of a coordinate that is a logarithm
+
+
+@pytest.mark.parametrize("kind", ["triangle", "square", "multilevel"])
+def test_noise_on_an_input_is_told_and_no_cause(kind):
+    """A lag keeps noise of the current from the voltage, and a drift follows its integral: neither is there."""
+    for seed in range(3):
+        data = record(kind, kind != "triangle", seed, force="multilevel", input_noise=0.005)
+        diagnosis = diagnose(PpyActuator, data, SENSORS, held=AT_REST)
+        assert diagnosis.causes == []
+        assert diagnosis.verdict == "recalibrate"
+        noted = {note.subject: note.facts["share"] for note in diagnosis.notes if note.code is NoteCode.INPUT_NOISE}
+        assert noted == pytest.approx({"current": 0.005, "force": 0.005}, rel=0.25)
+        assert diagnosis.intersample["current"].linear is (kind == "triangle")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["triangle", "square"])
+def test_intervals_bear_noise_on_an_input(kind):
+    """Without it they would be half as wide as the errors are."""
+    deviations = []
+    for seed in range(20, 28):
+        data = record(kind, kind != "triangle", seed, input_noise=0.005)
+        diagnosis = diagnose(PpyActuator, data, [], held=AT_REST)
+        for name in ("R1", "R2", "C", "alpha"):
+            low, high = diagnosis.estimates[name].interval
+            deviations.append((diagnosis.estimates[name].value - TRUE[name]) / ((high - low) / 3.92))
+    assert np.mean(np.abs(deviations) < 1.96) >= 0.88
+    assert np.std(deviations) < 1.3
+
+
+def test_noise_that_the_outputs_follow_is_an_input():
+    data = record("square", True, 1, restless=0.005)
+    assert measured_noise(data.inputs["current"]) > 0.0
+    diagnosis = diagnose(PpyActuator, data, [], held=AT_REST)
+    assert NoteCode.INPUT_NOISE not in {note.code for note in diagnosis.notes}
+
+
+def test_what_is_there_is_named_through_noise_on_the_inputs():
+    data = short_record("strain_saturation")
+    random = np.random.default_rng(1)
+    noisy = {n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()}
+    diagnosis = diagnose(PpyActuator, replace(data, inputs=noisy), [EFFECTS["strain_saturation"], *SENSORS])
+    assert diagnosis.causes[:1] == ["strain_saturation"]

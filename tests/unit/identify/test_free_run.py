@@ -1,0 +1,175 @@
+"""Claims: the free run is fitted as least squares of SciPy fits it, no noise model takes it away, and outliers do not.
+
+Oracles: two relaxations on paper, least squares of SciPy on them, and the variance bound of Student's t distribution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from fmus.kit import Component, Input, Output, Parameter, State
+from orchestration.identify.covariance import covariance, heteroscedastic
+from orchestration.identify.noise import white
+from orchestration.identify.prediction_error import fit, fit_free_run, trusted
+from orchestration.identify.problem import Problem
+from orchestration.identify.simulation_error import starting_points
+
+STEP = 0.1
+NAMES = ["fast", "slow", "share", "gain"]
+
+
+class Pair(Component):
+    """Two relaxations side by side."""
+
+    name = "pair"
+
+    gain = Parameter(1.0, "1", min=0)
+    share = Parameter(0.5, "1", min=0)
+    fast = Parameter(1.0, "s", min=1e-3)
+    slow = Parameter(10.0, "s", min=1e-3)
+    u = Input("1")
+    a = State("1", rate="a_rate")
+    b = State("1", rate="b_rate")
+
+    def a_rate(self):
+        return (self.u - self.a) / self.fast
+
+    def b_rate(self):
+        return (self.u - self.b) / self.slow
+
+    @Output("1")
+    def y(self):
+        """The sum of both."""
+        return self.gain * (self.a + self.share * self.b)
+
+
+def relaxed(u, time_constant):
+    """Response to an input that is held, on paper."""
+    decay = np.exp(-STEP / time_constant)
+    return lfilter([0.0, 1.0 - decay], [1.0, -decay], u)
+
+
+def on_paper(values, u):
+    fast, slow, share, gain = values
+    return gain * (relaxed(u, fast) + share * relaxed(u, slow))
+
+
+def problem_of(y, u, start=None, names=NAMES, order=4):
+    return Problem(Pair, STEP * np.arange(len(u)), {"u": u}, {"y": y}, names, start or {}, order=order)
+
+
+def square(n, dwell=80):
+    return np.where(np.arange(n) // dwell % 2 == 0, 1.0, -1.0)
+
+
+STUCK = [  # from these alone a search ends elsewhere
+    {"fast": 26.8, "slow": 17.9, "share": 1.16, "gain": 0.36},
+    {"fast": 207.0, "slow": 5.1, "share": 0.08, "gain": 0.49},
+    {"fast": 7.7, "slow": 10.3, "share": 7.7, "gain": 0.02},
+]
+
+
+@pytest.mark.parametrize("start", [{}, {"fast": 300.0, "slow": 0.02}, *STUCK], ids=str)
+def test_wherever_it_begins_it_ends_where_least_squares_does(start):
+    u = square(1500)
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + 0.02 * np.random.default_rng(1).standard_normal(u.size)
+    problem = problem_of(y, u, start)
+    found = fit_free_run(problem, starting_points(problem))
+    least = least_squares(lambda p: y - on_paper(np.exp(p), u), np.log([0.7, 6.0, 1.4, 2.0])).fun
+    assert float((found.residual["y"] ** 2).sum()) == pytest.approx(float(least @ least), rel=1e-3)
+
+
+def test_an_autoregression_does_not_take_over_what_the_simulation_should_explain():
+    """A drift that the model lacks: with it as noise of long memory almost any simulation is likely."""
+    u = square(1500)
+    drift = np.cumsum(0.02 * np.random.default_rng(2).standard_normal(u.size))
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + drift
+    problem = problem_of(y, u)
+    free_run = fit_free_run(problem, starting_points(problem))
+    likeliest = fit(problem, free_run.q, free_run.noise)
+    strayed = replace(likeliest, residual={"y": 1.03 * free_run.residual["y"]})
+    least = least_squares(lambda p: y - on_paper(np.exp(p), u), np.log([0.7, 6.0, 1.4, 2.0])).fun
+    for candidate in (likeliest, strayed):
+        taken = trusted(problem, candidate, free_run).residual["y"]
+        assert np.sqrt(taken @ taken) <= 1.02 * np.sqrt(least @ least)
+
+
+def test_a_search_is_kept_from_straying():
+    u = square(1500)
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + np.cumsum(0.05 * np.random.default_rng(3).standard_normal(u.size))
+    problem = problem_of(y, u)
+    free_run = fit_free_run(problem, starting_points(problem))
+    size = float(np.sqrt(np.mean(free_run.residual["y"] ** 2)))
+    scale = size / np.sqrt(np.mean((free_run.residual["y"] / _scale(y)) ** 2))  # pooled errors are over the noise
+    for allowed in (1.01, 1.25):
+        kept = fit(problem, free_run.q, free_run.noise, farthest=allowed * size / scale)
+        assert np.sqrt(np.mean(kept.residual["y"] ** 2)) <= allowed * size * (1.0 + 1e-9)
+
+
+def _scale(y):
+    """Size of white noise from third differences, whose variance is 20 times as large."""
+    third = np.abs(np.diff(y, 3))
+    return np.median(third) / 0.6744897501960817 / np.sqrt(20.0)
+
+
+def test_in_heavy_tails_it_comes_close_to_the_bound():
+    """Of variance (Lange, Little, Taylor): (nu + 3) / (nu + 1) of the scale; least squares have nu / (nu - 2)."""
+    u, freedom, errors = square(600), 3.0, []
+    clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
+    for seed in range(40):
+        y = clean + 0.05 * np.random.default_rng(seed).standard_t(freedom, u.size)
+        problem = problem_of(y, u, {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}, ["gain"], order=0)
+        begin = problem.position(problem.start)
+        errors.append([f.values["gain"] - 2.0 for f in (fit(problem, begin), fit_free_run(problem, [begin]))])
+    robust, plain = np.mean(np.square(errors), axis=0)
+    bound = (0.05**2 * (freedom + 3.0) / (freedom + 1.0)) / float((clean / 2.0) @ (clean / 2.0))
+    assert robust < 1.6 * bound  # of 40 samples 1 in 1000 is beyond
+    assert robust < 0.75 * plain
+
+
+def test_outliers_hardly_move_it_and_count_little():
+    u = square(800)
+    random = np.random.default_rng(5)
+    clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
+    y = clean + 0.02 * random.standard_normal(u.size)
+    where = random.choice(np.arange(100, 800), 8, replace=False)
+    y[where] += 1.0
+    problem = problem_of(y, u)
+    found = fit(problem, fit_free_run(problem, starting_points(problem)[:1]).q)
+    assert found.noise["y"].freedom < 10.0
+    assert found.weights["y"][where].max() < 0.05
+    assert [found.values[n] for n in NAMES] == pytest.approx([0.7, 6.0, 1.4, 2.0], rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["level", "colour"])
+def test_intervals_hold_where_noise_is_not_what_the_fit_takes_it_for(kind):
+    u, inside = square(1200, 150), []
+    clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
+    truth = {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}
+    for seed in range(60):
+        noise = 0.02 * np.random.default_rng(seed).standard_normal(u.size)
+        noise = noise * np.where(np.arange(u.size) % 150 < 30, 4.0, 1.0) if kind == "level" else lfilter(
+            [1.0], [1.0, -0.9], noise
+        )  # fmt: skip
+        problem = problem_of(clean + noise, u, truth)
+        begin = problem.position(problem.start)
+        found = fit_free_run(problem, [begin]) if kind == "colour" else fit(problem, begin, white({"y": noise}))
+        intervals = problem.intervals(found.q, found.covariance.standard_errors)
+        inside += [low <= truth[n] <= high for n, (low, high) in intervals.items()]
+    assert np.mean(inside) > 0.9
+
+
+def test_a_covariance_is_widened_as_white_has_it_and_never_made_narrower():
+    random = np.random.default_rng(1)
+    x = random.standard_normal((4000, 1))
+    level = np.where(np.abs(x[:, 0]) > 1.0, 3.0, 0.5)
+    bread = covariance(x.T @ x)
+    wider = heteroscedastic(bread, x, level * random.standard_normal(4000))
+    expected = float((x[:, 0] ** 2 * level**2).sum() / (x[:, 0] @ x[:, 0]) ** 2)
+    assert wider.matrix[0, 0] == pytest.approx(expected, rel=0.15)
+    assert heteroscedastic(bread, x, np.full(4000, 0.1)).matrix[0, 0] == bread.matrix[0, 0]
