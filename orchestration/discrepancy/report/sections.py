@@ -17,7 +17,6 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import elements, figures, typography, wording
 from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED, ShownModel
-from orchestration.discrepancy.residuals.correlation import SIGNIFICANCE
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.identify.metrics import normalised_rms, rms
 from orchestration.records.clock import evenly_sampled
@@ -181,7 +180,7 @@ def residuals(made: Page, result: Result) -> None:
         for what, many in (("lines", len(analysis.lines)), ("jumps", len(analysis.level_shifts))):
             texts += [f"{many - _LISTED} more {what}."] if many > _LISTED else []
         dependences = [wording.correlation(c) for c in analysis.correlations if c.significant][:_LISTED]
-        dependences += [wording.mean(m) for m in analysis.means if m.p_value < SIGNIFICANCE][:_LISTED]
+        dependences += [wording.mean(m) for m in analysis.means if m.significant][:_LISTED]
         dependences += [wording.region(r) for r in analysis.regions if r.significant][:_LISTED]
         texts += [line[:1].upper() + line[1:] + "." for line in dependences]
         made.parts.append(f"<h3>{escaped(output)}</h3>")

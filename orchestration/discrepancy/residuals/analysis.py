@@ -75,7 +75,7 @@ class ResidualAnalysis:
     @property
     def structure(self) -> list[Structure]:
         """What cannot be noise, beside lines and level shifts, the most telling first."""
-        means = [m for m in self.means if m.p_value < ALPHA and abs(m.mean) > self.rounding]
+        means = [m for m in self.means if m.significant and abs(m.mean) > self.rounding]
         if not self.even:
             return [*means]
         walk = [self.random_walk] if self.random_walk.significant and self.random_walk.rms > self.rounding else []

@@ -20,6 +20,8 @@ from orchestration.discrepancy.residuals.regressors import Regressor, RegressorK
 from orchestration.identify.noise import Noise
 
 Array = NDArray[np.float64]
+ALPHA = 1e-5  # probability in noise of one level; where it jumps with the output, colour is not taken off cleanly
+_VISITS = 3  # of every range, on average: seen less often, a range is hardly more than a time, and noise may be slow
 _SINGULAR = 1e-8  # of the largest singular value: together the ranges are everywhere, which says nothing
 
 
@@ -51,6 +53,11 @@ class ConditionalMean:
     bias: float
     p_value: float
 
+    @property
+    def significant(self) -> bool:
+        """Whether it is beyond what noise of any level does."""
+        return self.p_value < ALPHA
+
 
 def conditional_means(
     output: str, residual: Array, innovations: Innovations, noise: Noise, signals: Sequence[Regressor],
@@ -70,7 +77,8 @@ def conditional_means(
     noise : Noise
         Of the residual.
     signals : sequence of Regressor
-        Squares are passed over: their ranges are those of the signals.
+        Squares are passed over: their ranges are those of the signals. So is what goes with time: that a residual
+        wanders is the random walk test's affair.
     feedback : bool
         Whether inputs are moved by what is measured, so that a range may be a consequence of the noise in it.
     bins : int
@@ -78,7 +86,7 @@ def conditional_means(
     Returns
     -------
     list of ConditionalMean
-        One for every signal, the most telling first.
+        One for every signal that is left, the most telling first.
     """
     wanted = [s for s in signals if s.kind is not RegressorKind.SQUARE]
     at, scores = innovations.at, innovations.scores
@@ -95,6 +103,9 @@ def conditional_means(
         parts = [(low, high, delayed(inside, late)) for low, high, inside in ranges_of(signal.values, present, bins)]
         parts = [part for part in parts if FEWEST <= part[2][at].sum() <= at.size - FEWEST]
         if not parts:
+            continue
+        changes = np.count_nonzero(np.diff(np.array([inside[at] for _, _, inside in parts], dtype=np.int8), axis=1))
+        if changes < 2 * _VISITS * len(parts):
             continue
         columns = np.column_stack([filtered(inside.astype(float), noise)[at] for _, _, inside in parts])
         explained, freedom = _regressed(scores, columns)
