@@ -52,6 +52,11 @@ class NoteCode(StrEnum):
     VARYING_NOISE = "varying_noise"
     FEEDBACK = "feedback"
     # results
+    UNDETERMINED = "undetermined"
+    DETERMINED_TOGETHER = "determined_together"
+    AT_BOUND = "at_bound"
+    NOT_CONVERGED = "not_converged"
+    NOT_MOVED = "not_moved"
     IMPLAUSIBLE = "implausible"
     NO_GAIN = "no_gain"
     FMU_FAILED = "fmu_failed"

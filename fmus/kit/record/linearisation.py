@@ -98,28 +98,33 @@ class Linearisation:
             return None
         step = float(np.median(steps))
         even = np.mean(np.abs(steps - step) > _JITTER * step) < 0.5
-        fastest, inputs = self._fastest(float(time[0]), table, parameters)
-        if not step * fastest > (STIFF if even else _UNEVEN * STIFF):
+        limit = (STIFF if even else _UNEVEN * STIFF) / step
+        inputs = self._stiffest(float(time[0]), table, parameters, limit)
+        if inputs is None:
             return None
-        start = self._start(self._extended, float(time[0]), inputs, parameters)
         n = self._nominal.size
-        matrix = self._blocks(*start).full().reshape(-1, n, n)
+        matrix = self._blocks(*self._start(self._extended, float(time[0]), inputs, parameters)).full().reshape(-1, n, n)
         if not np.isfinite(matrix).all():
             return None
-        scaled = matrix[0] * self._nominal / self._nominal[:, None]
         largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - _JITTER))
-        halvings = max(2, math.ceil(math.log2(largest * float(np.abs(scaled).sum(1).max()) / _SHORTEST)))
+        halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
         return Ladder(largest, self._affine[linear], matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
 
-    def _fastest(self, time: float, table: Array, parameters: Array) -> tuple[float, Array]:
-        """Return the largest eigenvalue, in magnitude, at the start with the inputs of some samples; and the inputs."""
-        candidates = []
-        for k in dict.fromkeys(np.linspace(0, len(table) - 1, _LOOKED_AT).astype(int).tolist()):
-            jacobian = self._jacobian(*self._start(self._base, time, table[k], parameters)).full()
-            if np.isfinite(jacobian).all():
-                candidates.append((float(np.abs(np.linalg.eigvals(jacobian)).max()), k))
-        fastest, k = max(candidates, default=(0.0, 0), key=lambda pair: pair[0])
-        return fastest, table[k]
+    def _stiffest(self, time: float, table: Array, parameters: Array, limit: float) -> Array | None:
+        """Inputs, of some samples, with which an eigenvalue at the start is largest; None if all are below a limit."""
+        jacobian, of_inputs = self._jacobian
+        fastest, inputs = limit, None
+        for k in np.linspace(0, len(table) - 1, _LOOKED_AT).astype(int).tolist() if of_inputs else [0]:
+            found = jacobian(*self._start(self._base, time, table[k], parameters)).full()
+            # no eigenvalue is larger than a norm, which costs less
+            if np.isfinite(found).all() and self._norm(found) > fastest:
+                speed = float(np.abs(np.linalg.eigvals(found)).max())
+                fastest, inputs = (speed, table[k]) if speed > fastest else (fastest, inputs)
+        return inputs
+
+    def _norm(self, jacobian: Array) -> float:
+        """Row sum norm with every state in units of its size."""
+        return float(np.abs(jacobian * self._nominal / self._nominal[:, None]).sum(1).max())
 
     def _start(self, graph: Graph, time: float, inputs: Array, parameters: Array) -> list[Array | float]:
         """Arguments of the laws of a graph at the start of the record."""
@@ -130,9 +135,11 @@ class Linearisation:
         return [time, parameters[: len(index)], inputs, x, z]
 
     @cached_property
-    def _jacobian(self) -> ca.Function:
-        """J, from the arguments of the component's laws."""
-        return _dense(self._base, ca.jacobian(self._base.rates, self._base.states))
+    def _jacobian(self) -> tuple[ca.Function, bool]:
+        """J, from the arguments of the component's laws, and whether it depends on the inputs."""
+        expression = ca.jacobian(self._base.rates, self._base.states)
+        of_inputs = self._base.inputs.numel() and ca.depends_on(expression, self._base.inputs)
+        return _dense(self._base, expression), bool(of_inputs)
 
     @cached_property
     def _blocks(self) -> ca.Function:

@@ -8,6 +8,7 @@ from typing import Any
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.residuals.analysis import Structure
 from orchestration.discrepancy.residuals.conditional_mean import ConditionalMean
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
@@ -24,6 +25,10 @@ _VERDICTS = {
     Verdict.UNEXPLAINED: "{beside} is left that nothing in the catalogue accounts for: {unexplained}.",
 }
 _LISTED = 5  # names of many
+IN_HEADLINE = (
+    NoteCode.ABSENT_INPUT, NoteCode.UNDETERMINED, NoteCode.DETERMINED_TOGETHER, NoteCode.AT_BOUND,
+    NoteCode.NOT_CONVERGED, NoteCode.NOT_MOVED,
+)  # fmt: skip
 _NOTES = {
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: "cut off at its {end} {level:.6g}, {times} times, {share} of the samples",
@@ -81,6 +86,17 @@ _NOTES = {
     NoteCode.FEEDBACK:
         "{input} follows it (correlation {strength:+.2f}, {lag:.3g} s later): the loop is closed. What comes after is "
         "not held against the model, but estimates may be biased where the noise has a colour that is not its model's",
+    NoteCode.UNDETERMINED:
+        "the record does not determine {names}: hold what you know (--hold NAME), or move or record what tells of it",
+    NoteCode.DETERMINED_TOGETHER:
+        "{names} are determined together only, and each may be far off: hold one that you know (--hold NAME), or move "
+        "another input",
+    NoteCode.AT_BOUND:
+        "{names} ended at an end of what is allowed: look at units and signs, or hold it (--hold NAME)",
+    NoteCode.NOT_CONVERGED: "the refit did not settle: start it elsewhere (--set), or hold what you know (--hold NAME)",
+    NoteCode.NOT_MOVED:
+        "the refit found no better values than those it began with: start it elsewhere (--set), or look at units, "
+        "signs and columns",
     NoteCode.IMPLAUSIBLE: "out of all reason: {ratios}; look at units, signs and columns first",
     NoteCode.NO_GAIN:
         "no gain is claimed: with what was named the part held out is likelier, given how uncertain the parameters "
@@ -107,6 +123,17 @@ def sentence(diagnosis: Diagnosis) -> str:
     )
     hurried = any(note.code is NoteCode.TIME_SPENT for note in diagnosis.notes)
     return f"{said} (The time was spent before all was tried.)" if hurried else said
+
+
+def headline(result: Result) -> str:
+    """The verdict, and what must be known to read it: inputs that are missing, parameters that are not determined."""
+    told = [note for note in result.notes if note.code in IN_HEADLINE]
+    if result.diagnosis.verdict is not Verdict.UNEXPLAINED:  # of which it is the reason
+        told += [note for note in result.notes if note.code is NoteCode.IMPLAUSIBLE]
+    sentences = (message(note) for note in told)
+    # one that begins with the name of a file or a parameter keeps it as it is
+    said = (f"T{text[1:]}." if text.startswith("the ") else f"{text}." for text in sentences)
+    return " ".join([sentence(result.diagnosis), *said])
 
 
 def _causes(diagnosis: Diagnosis) -> str:
@@ -149,6 +176,8 @@ def _fact(name: str, value: Any) -> Any:
         return {"course": "as it moves", "fit": "as the outputs tell", "default": "as nothing tells otherwise"}.get(
             value, value
         )
+    if name == "names":
+        return _some(value)
     if name == "margin":
         return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
     if name == "bias":

@@ -61,7 +61,7 @@ class ConditionalMean:
 
 def conditional_means(
     output: str, residual: Array, innovations: Innovations, noise: Noise, signals: Sequence[Regressor],
-    feedback: bool = False, bins: int = BINS,
+    feedback: bool = False, within: NDArray[np.bool_] | None = None, bins: int = BINS,
 ) -> list[ConditionalMean]:  # fmt: skip
     """Compare the means of a residual in ranges of every signal, of equally many samples each.
 
@@ -81,6 +81,8 @@ def conditional_means(
         wanders is the random walk test's affair.
     feedback : bool
         Whether inputs are moved by what is measured, so that a range may be a consequence of the noise in it.
+    within : ndarray of bool, shape (n,), optional
+        Samples of the runs that the record is made of; all of them unless given.
     bins : int
 
     Returns
@@ -107,7 +109,7 @@ def conditional_means(
         changes = np.count_nonzero(np.diff(np.array([inside[at] for _, _, inside in parts], dtype=np.int8), axis=1))
         if changes < 2 * _VISITS * len(parts):
             continue
-        columns = np.column_stack([filtered(inside.astype(float), noise)[at] for _, _, inside in parts])
+        columns = np.column_stack([filtered(inside.astype(float), noise, within)[at] for _, _, inside in parts])
         explained, freedom = _regressed(scores, columns)
         p = min(1.0, len(wanted) * float(chi2.sf(explained / variance, freedom)))
         means = [float(residual[inside[at]].mean()) for _, _, inside in parts]

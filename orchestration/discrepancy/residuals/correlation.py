@@ -19,7 +19,7 @@ from scipy.stats import norm
 
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
-from orchestration.identify.noise import Noise, estimate
+from orchestration.identify.noise import Noise, estimate, segments
 
 Array = NDArray[np.float64]
 LAGS = 25  # samples, either way
@@ -88,7 +88,7 @@ class Feedback:
 
 def cross_correlations(
     output: str, innovations: Innovations, noise: Noise, signals: Sequence[Regressor], step: float,
-    inputs: Sequence[str] = (), lags: int = LAGS,
+    inputs: Sequence[str] = (), lags: int = LAGS, within: NDArray[np.bool_] | None = None,
 ) -> tuple[list[CrossCorrelation], list[Feedback]]:  # fmt: skip
     """Correlate the innovations of an output with signals.
 
@@ -105,6 +105,8 @@ def cross_correlations(
         Names of those signals that somebody may have moved by what was measured.
     lags : int
         Samples that are looked at, either way.
+    within : ndarray of bool, shape (n,), optional
+        Samples of the runs that the record is made of; all of them unless given.
 
     Returns
     -------
@@ -120,9 +122,9 @@ def cross_correlations(
     if kept < FEWEST or max_lag < 1:
         return [], []
     shifts = np.arange(-max_lag, max_lag + 1)
-    normal, correlation = _correlated(innovations, [filtered(s.values, noise) for s in signals], shifts)
+    normal, correlation = _correlated(innovations, [filtered(s.values, noise, within) for s in signals], shifts)
     own = [s for s in signals if s.kind is RegressorKind.VALUE and s.signal in inputs]
-    feedback = _feedback(output, innovations, own, shifts, step)
+    feedback = _feedback(output, innovations, own, shifts, step, within)
     delays = np.asarray(shifts * step, dtype=np.float64)
     band, result = float(norm.ppf(0.995) / np.sqrt(kept)), []
     for signal, z, r in zip(signals, normal, correlation, strict=True):
@@ -139,12 +141,17 @@ def first_causal(signal: Regressor, feedback: bool) -> int:
 
 
 def _feedback(
-    output: str, innovations: Innovations, inputs: Sequence[Regressor], shifts: NDArray[np.intp], step: float
+    output: str,
+    innovations: Innovations,
+    inputs: Sequence[Regressor],
+    shifts: NDArray[np.intp],
+    step: float,
+    within: NDArray[np.bool_] | None,
 ) -> list[Feedback]:
     """Inputs of which what their own past does not tell correlates with what was measured before, and not after."""
     result, tried = [], int((shifts <= 0).sum()) * len(inputs)
     for signal in inputs:
-        surprises = filtered(signal.values, _own_colour(signal.values))
+        surprises = filtered(signal.values, _own_colour(signal.values, within), within)
         (normal,), (correlation,) = _correlated(innovations, [normal_scores(surprises)], shifts)
         size, rough = np.abs(normal), _ROUGH * np.median(np.abs(np.diff(signal.values)))
         # with no delay all of it may be at once: then only an input that nothing but noise can have moved tells
@@ -178,18 +185,22 @@ def _correlated(innovations: Innovations, signals: Sequence[Array], shifts: NDAr
     return normal, normal / np.sqrt(pairs)
 
 
-def filtered(values: Array, noise: Noise) -> Array:
+def filtered(values: Array, noise: Noise, within: NDArray[np.bool_] | None = None) -> Array:
     """A signal (n,) through the filter that whitens the residual, without its mean; zero until that has begun."""
-    result = noise.whiten(values - values.mean(), np.ones(values.size, dtype=bool))
-    first = noise.coefficients.size
-    result[first:] -= result[first:].mean()
-    result[:first] = 0.0
+    whole = np.ones(values.size, dtype=bool) if within is None else within
+    white = noise.whiten(values[whole] - values[whole].mean(), whole)
+    begun = np.ones(white.size, dtype=bool)
+    for a, _ in segments(whole):
+        begun[a : a + noise.coefficients.size] = False
+    result = np.zeros(values.size)
+    result[whole] = np.where(begun, white - white[begun].mean(), 0.0) if begun.any() else 0.0
     return result
 
 
-def _own_colour(values: Array) -> Noise:
+def _own_colour(values: Array, within: NDArray[np.bool_] | None) -> Noise:
     """Autoregression that tells a signal (n,) from its own past, with surprises in its own unit."""
-    return replace(estimate(values - values.mean(), np.ones(values.size, dtype=bool)), deviation=1.0)
+    whole = np.ones(values.size, dtype=bool) if within is None else within
+    return replace(estimate(values[whole] - values[whole].mean(), whole), deviation=1.0)
 
 
 def _overlap(residual: Array, signal: Array, shift: int) -> float:

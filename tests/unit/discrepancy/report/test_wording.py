@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fmus.kit import Component, Input, Output, Parameter
 from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_gain, sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
@@ -26,7 +27,9 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import scoring
+from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.validation.prediction import predict, validated
+from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.fmu.model import find_model
 from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
@@ -259,7 +262,7 @@ def not_validated(monkeypatch):
     diagnosis = diagnose(PpyActuator, short_record("strain_saturation"), [SATURATION])
     validation = diagnosis.validation
     exact = predict(validation, diagnosis.selection.base).simulated
-    judged_by = ValidationData(replace(validation.data, measured=exact), validation.first, validation.continued)
+    judged_by = ValidationData(replace(validation.data, measured=exact), validation.judged, validation.continued)
     return validated(diagnosis.selection, judged_by)[2]
 
 
@@ -275,6 +278,54 @@ def confounded(monkeypatch):
 
 def fails(*arguments: Any) -> Any:
     raise UserError("for a reason")
+
+
+class Product(Component):
+    """What is fed, times two factors."""
+
+    name = "product"
+    a = Parameter(1.0, "1", min=0, max=5.0)
+    b = Parameter(1.0, "1", min=0)
+    u = Input("1")
+
+    @Output("1")
+    def y(self):
+        return self.a * self.b * self.u
+
+
+def products(factor: float) -> Dataset:
+    """What is fed, times a factor, measured."""
+    time = 0.1 * np.arange(600)
+    u = np.where(np.floor(time / 5.0) % 2 == 0.0, 1.0, -0.6)
+    return Dataset(time, {"u": u}, {"y": factor * u + 0.01 * coloured(0.0, 1, 600)})
+
+
+@makes(NoteCode.UNDETERMINED)
+def undetermined(monkeypatch):
+    return diagnose(PpyActuator, short_record().only(["voltage"]), []).notes
+
+
+@makes(NoteCode.DETERMINED_TOGETHER)
+def determined_together(monkeypatch):
+    return diagnose(Product, products(2.0), []).notes
+
+
+@makes(NoteCode.AT_BOUND)
+def at_bound(monkeypatch):
+    return diagnose(Product, products(20.0), [], held=["b"]).notes
+
+
+@makes(NoteCode.NOT_CONVERGED)
+def not_converged(monkeypatch):
+    fitted = Search(products(2.0), Product, ["a"]).nominal()
+    return reservations(replace(fitted, fit=replace(fitted.fit, converged=False)), ["a"])
+
+
+@makes(NoteCode.NOT_MOVED)
+def not_moved(monkeypatch):
+    """What is fed is nothing, and so the factors do nothing."""
+    data = products(2.0)
+    return diagnose(Product, replace(data, inputs={"u": np.zeros(data.time.size)}), []).notes
 
 
 @makes(NoteCode.IMPLAUSIBLE)
