@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fmus.kit import Component, files
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
-from orchestration.api.records import matching_record
+from orchestration.api.records import Records, held_out
 from orchestration.api.simulation import values_of
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
@@ -104,6 +104,9 @@ class DiagnosisResult:
     experiment : ProposedExperiment or None
         Where the verdict is ambiguous.
     record : Record
+        The first of the records.
+    records : list of Record
+        All that the model was fitted to.
     notes : list of str
         What could not be judged, and why.
     """
@@ -123,6 +126,7 @@ class DiagnosisResult:
         self.model: type[Component] | None = result.component
         self.experiment = ProposedExperiment(result.experiment, result.model.name) if result.experiment else None
         self.record: Record = result.record
+        self.records: list[Record] = list(result.records)
         self.notes: list[str] = [wording.message(note) for note in result.notes]
 
     @property
@@ -135,7 +139,7 @@ class DiagnosisResult:
 
     def __repr__(self) -> str:
         causes = f" {', '.join(self.causes)}" if self.causes else ""
-        return f"<DiagnosisResult {self.verdict}{causes}: {self._result.model.name}, {self.record.source.name}>"
+        return f"<DiagnosisResult {self.verdict}{causes}: {self._result.model.name}, {self._result.files}>"
 
     def _repr_html_(self) -> str:
         return preformatted(str(self))
@@ -193,7 +197,8 @@ class DiagnosisResult:
         target = Path(path)
         if target.suffix.lower() not in (".html", ".htm"):
             raise UserError(f"{target}: the name of a report ends in .html")
-        same = ["ppy", "diagnose", str(self.record.source), "--model", self._result.model.name]
+        sources = dict.fromkeys(str(record.source) for record in self.records)
+        same = ["ppy", "diagnose", *sources, "--model", self._result.model.name]
         page(self._result, command or shlex.join(same)).write(target)
         return target
 
@@ -221,15 +226,17 @@ class DiagnosisResult:
         """
         if self.model is None:
             raise UserError(f"{path}: nothing could be said of the model, so there is nothing to make an FMU of")
-        kept = [self.record.source, *([self._result.holdout.source] if self._result.holdout else [])]
+        kept = [record.source for record in (*self._result.records, *self._result.holdouts)]
         return export(self.model, Path(path), kept, platforms or [host_platform()], progress)
 
 
 def diagnose(
-    record: Record | str | Path,
+    record: Records,
     model: Model | str = "ppy_actuator",
     *,
-    holdout: Record | str | Path | None = None,
+    holdout: Records | None = None,
+    runs: str | None = None,
+    each: Sequence[str] = (),
     effects: Sequence[str] | None = None,
     hold: Sequence[str] = (),
     settings: Mapping[str, float | str] | None = None,
@@ -240,14 +247,21 @@ def diagnose(
 ) -> DiagnosisResult:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.
 
+    Of several records the parameters are the same, and each has starting states of its own.
+
     Parameters
     ----------
-    record : Record, str or Path
-        From `read_record`, or a file.
+    record : Record, str or Path, or sequence of these
+        From `read_record`, or a file. A file whose clock restarts holds several records, numbered from 1.
     model : Model or str
         A component, ``path/to/file.py:Class``, or what `find_model` returned.
-    holdout : Record, str or Path, optional
-        Another record to judge by; without it the last third of the record is held out.
+    holdout : Record, str or Path, or sequence of these, optional
+        Other records to judge by, or some of those given by their labels, such as ``"7,8,9"``. Without it the last
+        third of the record is held out, or the last third of several records.
+    runs : str, optional
+        Column of a file that tells its records apart, and labels them.
+    each : sequence of str
+        Parameters that differ from record to record.
     effects : sequence of str, optional
         Only these, as ``id`` or ``id(output)``; an empty one only recalibrates.
     hold : sequence of str
@@ -286,13 +300,14 @@ def diagnose(
     subject = find_model(model) if isinstance(model, str) else model
     rig = subject.name == DRIVEN
     options = pipeline.Options(
-        given=numeric(values_of(subject, settings)), effects=effects, hold=hold, interpolate=interpolate,
+        given=numeric(values_of(subject, settings)), effects=effects, hold=hold, each=each, interpolate=interpolate,
         limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"), time=time,
     )  # fmt: skip
-    measured = matching_record(record, subject, mapping)
-    judged = None if holdout is None else matching_record(holdout, subject, mapping)
+    measured, judged = held_out(record, holdout, subject, mapping, runs)
     try:
         return DiagnosisResult(pipeline.diagnose(measured, subject, judged, options, progress))
     except UnusableRecordError as error:
         reasons = "; ".join(wording.message(note) for note in error.notes)
-        raise UserError(f"{measured.source}: no output can be both fitted and judged: {reasons}") from error
+        raise UserError(
+            f"{pipeline.file_names(measured)}: no output can be both fitted and judged: {reasons}"
+        ) from error

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from fmus.kit.errors import UserError
 from orchestration.api.diagnosis import DiagnosisResult, diagnose
-from orchestration.api.records import read_record
+from orchestration.api.records import held_out
 from orchestration.cli.models import model_file, note_neutral, open_model
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy.extended_model import destinations
 from orchestration.discrepancy.report import terminal
-from orchestration.records import parse_mapping
+from orchestration.records import Record, parse_mapping
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
 
@@ -24,17 +24,17 @@ class Files:
 
     Attributes
     ----------
-    record : Path
-    holdout : Path, optional
-        Another record to judge by.
+    records : sequence of Path
+    holdout : sequence of str
+        Other records to judge by, or labels of some that were given.
     result, report, fmu, experiment : Path, optional
         JSON, HTML, FMU and TOML to write.
     platforms : sequence of str, optional
         FMI platforms to build the FMU for; default is every one that a compiler here can serve.
     """
 
-    record: Path
-    holdout: Path | None = None
+    records: Sequence[Path]
+    holdout: Sequence[str] = ()
     result: Path | None = None
     report: Path | None = None
     fmu: Path | None = None
@@ -53,20 +53,27 @@ class Files:
         ------
         UserError
         """
-        read = {"the record": self.record, "the record held out": self.holdout}
+        others = [Path(text) for text in self.holdout if len(self.records) == 1 or Path(text).exists()]
+        read: dict[str, Path | None] = {f"the record{_number(k)}": path for k, path in enumerate(self.records)}
+        read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
         read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
         written = {"--json": self.result, "--report": self.report, "--experiment": self.experiment}
         if self.fmu is not None:
             written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, ()).items()}
         Outputs(read, written, {"--json": JSON, "--report": PAGE, "--experiment": (".toml",)}).check()
-        if self.holdout is not None and same_file(self.record, self.holdout):
-            raise UserError(f"--holdout {self.holdout}: this is the record itself; nothing would be held out")
+        for path in others:
+            if any(same_file(record, path) for record in self.records):
+                raise UserError(f"--holdout {path}: this is the record itself; nothing would be held out")
+
+
+def _number(k: int) -> str:
+    return f" ({k + 1})" if k else ""
 
 
 def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
     command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
-    time: float | None = None,
+    time: float | None = None, runs: str | None = None, each: Sequence[str] = (),
 ) -> DiagnosisResult:  # fmt: skip
     """Do ``ppy diagnose``; the command is repeated in the report.
 
@@ -87,6 +94,10 @@ def run(
         Laid over the model before it is judged.
     time : float, optional
         Seconds that the search may take.
+    runs : str, optional
+        Column that tells the records in a file apart.
+    each : sequence of str
+        Parameters that differ from record to record.
 
     Raises
     ------
@@ -97,14 +108,13 @@ def run(
     model = open_model(name, effects=effects)
     note_neutral(model, [text.partition("=")[0].strip() for text in settings])
     renamed = parse_mapping(mapping)
-    record, holdout = read_record(files.record, model, renamed), None
-    tell_repairs(record.repairs)
-    if files.holdout is not None:
-        holdout = read_record(files.holdout, model, renamed)
-        tell_repairs([replace(r, message=f"{files.holdout.name}: {r.message}") for r in holdout.repairs])
+    records, holdouts = held_out(files.records, files.holdout or None, model, renamed, runs)
+    for record in (*records, *holdouts):
+        name = "" if record is records[0] and not record.label else f"{_called(record)}: "
+        tell_repairs([replace(r, message=f"{name}{r.message}") for r in record.repairs])
     with progress() as tell:
         result = diagnose(
-            record, model, holdout=holdout, effects=considered, hold=hold,
+            records, model, holdout=holdouts or None, each=each, effects=considered, hold=hold,
             settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time,
             progress=tell,
         )  # fmt: skip
@@ -118,6 +128,10 @@ def run(
     if failures:
         raise failures[0]
     return result
+
+
+def _called(record: Record) -> str:
+    return f"{record.source.name}, run {record.label}" if record.label else record.source.name
 
 
 def _setting(text: str) -> tuple[str, str]:

@@ -129,8 +129,9 @@ def diagnose(
     holdout: Dataset | None = None,
     held: Sequence[str] = (),
     budget: Budget | None = None,
+    each: Sequence[str] = (),
 ) -> Diagnosis:
-    """Tell what a model gets wrong on a record.
+    """Tell what a model gets wrong on a record, or on several with one set of parameters.
 
     Parameters
     ----------
@@ -151,6 +152,8 @@ def diagnose(
     budget : Budget, optional
         Time that it may take; without limit unless given. When it is spent, what was found by then is judged, and a
         note says so.
+    each : sequence of str
+        Parameters that differ from run to run: where they are is no change.
 
     Returns
     -------
@@ -164,9 +167,9 @@ def diagnose(
     chosen = intersample.given(data) if data.linear is not None else intersample.by_course(cls, data)
     data = replace(data, linear=intersample.linear(chosen))
     holdout = replace(holdout, linear=data.linear) if holdout is not None else None
-    parts = divided(cls, data, holdout, fixed or {})
+    parts = divided(cls, data, holdout, fixed or {}, bool(each))
     names = [n for n in searched(cls) if n not in held]
-    search = Search(parts.estimation, cls, names, fixed or {}, progress, budget or Budget())
+    search = Search(parts.estimation, cls, names, fixed or {}, progress, budget or Budget(), each=each)
     excited = is_excited(cls, parts.estimation, fixed or {})
     starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
@@ -179,7 +182,7 @@ def diagnose(
     noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
-    final, failed = _refitted(replace(search, data=parts.usable), selection.best, validation)
+    final, failed = _refitted(replace(search, data=parts.usable), selection.best, holdout is None)
     more = noise.spread_of(final.problem.names)
     values = estimates(final, more)
     changed = [] if inconclusive else significantly_changed(final, search.parameters, more)
@@ -203,19 +206,18 @@ def diagnose(
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
         *search.budget.notes,
     ]
+    verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed, excused)
     if inconclusive:
         verdict = Verdict.AMBIGUOUS
-    else:
-        verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed, excused)
     return Diagnosis(
         verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
         chosen, excused,
     )  # fmt: skip
 
 
-def _refitted(search: Search, best: FittedCandidate, validation: ValidationData) -> tuple[FittedCandidate, list[Note]]:
+def _refitted(search: Search, best: FittedCandidate, again: bool) -> tuple[FittedCandidate, list[Note]]:
     """Fit what was found to all that was measured; if that fails, it stands as it was fitted to the first part."""
-    if not validation.continued:
+    if not again:
         return best, []
     try:
         return search.trusted(search.refit(best)), []

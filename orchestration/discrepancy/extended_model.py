@@ -16,12 +16,13 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.errors import UserError
 from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.data.holdout import ValidationData
+from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.validation.prediction import parameters_on
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
 from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, whiteness
+from orchestration.records.joined import joined
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,8 @@ def extended(diagnosis: Diagnosis, record: str) -> type[Component]:
     if diagnosis.inconclusive:
         raise UserError(f"{record}: no input moves, so that there is nothing to make an FMU of")
     best = diagnosis.final
-    cls, values = best.candidate.cls, best.problem.start | best.fit.values
+    # of several records it is the model of the first one
+    cls, values = best.candidate.cls, best.problem.runs[0].values(best.problem.start | best.fit.values)
     defaults = {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters if values[p.name] != p.start}
     made = stack(cls, name=f"{cls.name}_fitted", defaults=defaults)
     made.remark = "\n".join(_remarks(diagnosis, record, defaults))
@@ -93,9 +95,11 @@ def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -
         remarks.append(f"On this record it cannot be told apart from {', '.join(alternatives)}")
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         remarks.append("It does not account for all that the record shows")
+    first = diagnosis.final.problem.runs[0]
     for p in best.cls.layout.parameters:
-        if p.name in diagnosis.estimates:
-            low, high = diagnosis.estimates[p.name].interval
+        fitted = diagnosis.estimates.get(p.name, diagnosis.estimates.get(first.own(p.name)))
+        if fitted is not None:
+            low, high = fitted.interval
             known = isfinite(low) and isfinite(high)
             ends = f"95 % interval {shown(low, p)} … {shown(high, p)}" if known else "not determined by the record"
             remarks.append(f"{p.name} = {shown(defaults.get(p.name, p.start), p)} ({ends})")
@@ -205,34 +209,26 @@ def measured_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> G
         If an FMU cannot be run over the data.
     """
     validation, best, base = diagnosis.validation, diagnosis.selection.best, diagnosis.selection.base
-    set_before = _settable(base.candidate.cls, parameters_on(validation, base))
-    set_after = _settable(best.candidate.cls, parameters_on(validation, best))
-    before = _run(build_cached(base.candidate.cls, runtime), set_before, validation)
-    after = _run(fmu, set_after, validation)
+    refitted, extended = base.candidate.cls, best.candidate.cls
+    before = _run(build_cached(refitted, runtime), refitted, parameters_on(validation, base), validation.data)
+    after = _run(fmu, extended, parameters_on(validation, best), validation.data)
     white = {}
     for output, noise in best.fit.noise.items():
         if output in validation.data.measured:
             measured = validation.data.measured[output]
-            present = np.isfinite(measured)
-            present[: validation.first] = False
+            present = np.isfinite(measured) & validation.judged
             innovation = noise.whiten((measured - after[output])[present], present)
             white[output] = whiteness(innovation) if len(innovation) >= WHITENESS_SAMPLES else None
     return Gain(validation.nrmse(before), validation.nrmse(after), white, before, after)
 
 
-def _settable(cls: type[Component], values: Mapping[str, float]) -> dict[str, float]:
-    return {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters}
-
-
-def _run(path: Path, values: Mapping[str, float], validation: ValidationData) -> dict[str, Array]:
-    """Simulate the data held out, from their first sample on."""
-    data = validation.data
-    with Fmu(path, values) as fmu:
-        fmu.start(float(data.time[0]))
-        return simulate_instance(
-            fmu,
-            data.time,
-            data.inputs,
-            list(data.measured),
-            linear=data.inputs if data.linear is True else data.linear or (),
-        )
+def _run(path: Path, cls: type[Component], values: Mapping[str, float], data: Dataset) -> dict[str, Array]:
+    """Simulate the data held out, every run from its first sample on."""
+    parts = []
+    for run, part in zip(data.runs, data.apart().values(), strict=True):
+        here = run.values(values)
+        with Fmu(path, {p.name: _allowed(here[p.name], p) for p in cls.layout.parameters}) as fmu:
+            fmu.start(float(part.time[0]))
+            moving = part.inputs if data.linear is True else data.linear or ()
+            parts.append(simulate_instance(fmu, part.time, part.inputs, list(data.measured), linear=moving))
+    return {o: joined(len(data.time), data.runs, [part[o] for part in parts]) for o in data.measured}

@@ -13,6 +13,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.records import dataset, joined_dataset, labels
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
 from orchestration.discrepancy.design.stimuli import Limits
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
@@ -36,6 +37,8 @@ class Options:
         Effects to consider, as ``id`` or ``id(output)``; all of the catalogue unless given.
     hold : sequence of str
         Parameters that are known and not fitted.
+    each : sequence of str
+        Parameters that differ from record to record.
     interpolate : bool, optional
         Whether inputs go linearly between samples, or are held; None leaves it to the record.
     limits : Mapping of str to tuple of float, optional
@@ -50,6 +53,7 @@ class Options:
     given: Mapping[str, float] = field(default_factory=dict)
     effects: Sequence[str] | None = None
     hold: Sequence[str] = ()
+    each: Sequence[str] = ()
     interpolate: bool | None = None
     limits: Limits | None = None
     highest_frequency: float = np.inf
@@ -62,8 +66,8 @@ class Result:
 
     Attributes
     ----------
-    record, holdout : Record
-        The latter is None where the end of the record was held out.
+    records, holdouts : sequence of Record
+        What was given; of the latter none where some of the former was held out.
     model : Model
     effects : list of type[Effect]
         The catalogue that was considered.
@@ -78,8 +82,8 @@ class Result:
         What could not be assessed, and why.
     """
 
-    record: Record
-    holdout: Record | None
+    records: Sequence[Record]
+    holdouts: Sequence[Record]
     model: Model
     effects: list[type[Effect]]
     diagnosis: Diagnosis
@@ -88,23 +92,45 @@ class Result:
     experiment: DiscriminatingExperiment | None
     notes: list[Note]
 
+    @property
+    def record(self) -> Record:
+        """The first that was fitted to."""
+        return self.records[0]
+
+    @property
+    def holdout(self) -> Record | None:
+        """The first that was held out, if any was given."""
+        return self.holdouts[0] if self.holdouts else None
+
+    @property
+    def files(self) -> str:
+        """Names of the files that were fitted to."""
+        return file_names(self.records)
+
+
+def file_names(records: Sequence[Record]) -> str:
+    """Names of the files of records, each once."""
+    names = list(dict.fromkeys(record.source.name for record in records))
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
 
 def diagnose(
-    record: Record,
+    record: Record | Sequence[Record],
     model: Model,
-    holdout: Record | None = None,
+    holdout: Record | Sequence[Record] | None = None,
     options: Options | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Result:
-    """Tell what a model gets wrong on a record, extend it, and measure the gain.
+    """Tell what a model gets wrong on a record, or on several, extend it, and measure the gain.
 
     Parameters
     ----------
-    record : Record
+    record : Record or sequence of Record
+        Several have one set of parameters; each has starting states of its own.
     model : Model
         Of which the equations are known.
-    holdout : Record, optional
-        Another record to judge by; without it the last third of the record is held out.
+    holdout : Record or sequence of Record, optional
+        Others to judge by; without them the last third of the record is held out, or the last third of the records.
     options : Options, optional
     progress : callable
         Told what is being done.
@@ -123,30 +149,24 @@ def diagnose(
         raise UserError(f"time: {chosen.time:g} s is no time; inf is without limit")
     if model.cls is None:
         raise UserError(f"{model.name} is an FMU without equations; name a component or file.py:Class")
-    for name in chosen.hold:
-        if name not in model.parameters:
-            raise UserError(f"hold: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
-    data = dataset(record, model, chosen.given, chosen.interpolate)
-    judged = None
-    if holdout is not None:
-        judged = dataset(holdout, model, chosen.given, chosen.interpolate).only(list(data.measured))
-        if not judged.measured:
-            outputs = ", ".join(data.measured)
-            raise UserError(f"{holdout.source}: it has none of the outputs of the record, {outputs}")
+    _check_names(chosen, model)
+    records, holdouts = _listed(record), _listed(holdout)
+    data, judged = _data(records, holdouts, model, chosen)
+    if judged is not None and not judged.measured:
+        outputs = ", ".join(data.measured)
+        raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
     effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
     fixed = {n: value for n, value in chosen.given.items() if n in model.parameters}
-    budget = Budget(default_time(len(data.time)) if chosen.time is None else chosen.time)
-    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget)
-    notes = [
-        *_absent(model, record, chosen.given),
-        *(_absent(model, holdout, chosen.given) if holdout is not None else []),
-        *diagnosis.notes,
-    ]
+    samples = sum(one.time.size for one in records)
+    budget = Budget(default_time(samples) if chosen.time is None else chosen.time)
+    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
+    absent = [_absent(model, one, chosen.given) for one in (*records, *holdouts)]
+    notes = [*(note for k, some in enumerate(absent) for note in some if some not in absent[:k]), *diagnosis.notes]
     component = gain = experiment = None
     if not diagnosis.inconclusive:
         progress("running the extended FMU over the validation data")
         try:
-            component = extended(diagnosis, record.source.name)
+            component = extended(diagnosis, file_names(records))
             gain = measured_gain(diagnosis, build_cached(component, "native"))
         except Exception as error:  # whatever it was, the diagnosis stands without it
             notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": _reason(error)}))
@@ -156,7 +176,7 @@ def diagnose(
             experiment = design(diagnosis.selection, data, limits, highest, None, progress)
         except Exception as error:  # as above
             notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": _reason(error)}))
-    return Result(record, holdout, model, effects, diagnosis, component, gain, experiment, notes)
+    return Result(records, holdouts, model, effects, diagnosis, component, gain, experiment, notes)
 
 
 def _reason(error: Exception) -> str:
@@ -164,25 +184,36 @@ def _reason(error: Exception) -> str:
     return str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
 
 
-def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None) -> Dataset:
-    """Inputs and real outputs of a record; inputs that are absent are constant, as given or as they start.
+def _listed(records: Record | Sequence[Record] | None) -> list[Record]:
+    return [records] if isinstance(records, Record) else list(records or ())
 
-    Parameters
-    ----------
-    record : Record
-    model : Model
-    given : Mapping of str to float
-        Of inputs, SI.
-    interpolate : bool, optional
-        Whether inputs go linearly between samples, or are held; None leaves it to the record.
-    """
-    own = {n: value for n, value in given.items() if n in model.inputs}
-    constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | own
-    inputs = {n: np.full(record.time.size, value) for n, value in constant.items()}
-    inputs |= {n: values for n, values in record.signals.items() if n in model.inputs and n not in own}
-    real = {n for n, signal in model.outputs.items() if signal.type == "real"}
-    measured = {n: values for n, values in record.signals.items() if n in real}
-    return Dataset(record.time, inputs, measured, interpolate)
+
+def _check_names(options: Options, model: Model) -> None:
+    for option, names in (("hold", options.hold), ("each", options.each)):
+        for name in names:
+            if name not in model.parameters:
+                near = suggestion(name, model.parameters)
+                raise UserError(f"{option}: {model.name} has no parameter named {name!r}{near}")
+    both = [name for name in options.each if name in options.hold]
+    if both:
+        raise UserError(f"each: {both[0]} is held, so it cannot differ from record to record")
+
+
+def _data(
+    records: Sequence[Record], holdouts: Sequence[Record], model: Model, options: Options
+) -> tuple[Dataset, Dataset | None]:
+    """What is fitted to, and other records to judge by if there are any; by themselves they need no labels."""
+    given, interpolate = options.given, options.interpolate
+    if len(records) == 1 and len(holdouts) < 2 and not options.each:
+        data = dataset(records[0], model, given, interpolate)
+        return data, dataset(holdouts[0], model, given, interpolate).only(data.measured) if holdouts else None
+    named = dict(zip(labels([*records, *holdouts]), [*records, *holdouts], strict=True))
+    fitted, judged = list(named)[: len(records)], list(named)[len(records) :]
+    data = joined_dataset({label: named[label] for label in fitted}, model, given, interpolate)
+    if not judged:
+        return data, None
+    others = joined_dataset({label: named[label] for label in judged}, model, given, interpolate)
+    return data, others.only(data.measured)
 
 
 def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[Note]:

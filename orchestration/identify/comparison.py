@@ -18,7 +18,7 @@ from orchestration.fmu.simulate import simulate
 from orchestration.identify import presentation
 from orchestration.identify.grey_box import Fit, fit
 from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, fit_percent, rms, whiteness
-from orchestration.records import Record, read_record
+from orchestration.records import Record, read_record, read_runs
 from orchestration.reporting.plain import plain_text, preformatted
 
 if TYPE_CHECKING:
@@ -137,12 +137,44 @@ def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None)
     UserError
         If the file is refused, or holds none of the model's outputs.
     """
-    signals = {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
-    record = read_record(path, signals, mapping=mapping, inputs=list(model.inputs))
+    record = read_record(path, _signals(model), mapping=mapping, inputs=list(model.inputs))
+    _check_outputs(record, model)
+    return record
+
+
+def read_runs_for(
+    model: Model, path: Path, mapping: Mapping[str, str] | None = None, column: str | None = None
+) -> list[Record]:
+    """Read the runs of a file that may hold several.
+
+    Parameters
+    ----------
+    model, path, mapping
+        See :func:`read_for`.
+    column : str, optional
+        The column that tells the runs apart; without it a new one begins where the clock restarts.
+
+    Raises
+    ------
+    UserError
+        If the file is refused, or a run holds none of the model's outputs.
+    """
+    runs = read_runs(path, _signals(model), mapping=mapping, inputs=list(model.inputs), column=column)
+    for record in runs:
+        _check_outputs(record, model)
+    return runs
+
+
+def _signals(model: Model) -> dict[str, str]:
+    return {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
+
+
+def _check_outputs(record: Record, model: Model) -> None:
     if not any(name in model.outputs for name in record.signals):
         known = ", ".join(model.outputs)
-        raise UserError(f"{path}: no column is an output of {model.name} ({known}); rename with --map column=signal")
-    return record
+        raise UserError(
+            f"{record.source}: no column is an output of {model.name} ({known}); rename with --map column=signal"
+        )
 
 
 def compare(

@@ -17,9 +17,10 @@ from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
+from fmus.kit.record.compiled import Trajectory
 from orchestration.identify.delay import DelayedModel
 from orchestration.identify.noise import ORDER
-from orchestration.records.clock import evenly_sampled
+from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
 Array = NDArray[np.float64]
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
@@ -57,6 +58,87 @@ class OutOfTimeError(UserError):
     """A search has no time left for another point."""
 
 
+class ModelOverRuns:
+    """A compiled component that starts anew in every run, with the values that are that run's own.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    names : sequence of str
+        Parameters with respect to which derivatives are wanted, those of single runs among them.
+    linear : bool or collection of str
+        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
+    runs : sequence of Run
+        What the names are of. A stimulus without runs is simulated as the first of them.
+
+    Attributes
+    ----------
+    layout : Layout
+    delays : dict of str to str
+        Names of the delays of measurements by output.
+    """
+
+    def __init__(self, cls: type[Component], names: Sequence[str], linear: bool | Collection[str], runs: Sequence[Run]):
+        self._names, self._runs = list(names), tuple(runs)
+        self._plain = list(dict.fromkeys(map(base_name, names)))
+        self._model = DelayedModel(cls, self._plain, linear)
+        self.layout, self.delays = self._model.layout, self._model.delays
+
+    def run(
+        self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 1e6,
+        runs: Sequence[Run] = (),
+    ) -> Trajectory:  # fmt: skip
+        """Simulate one run after the other.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        inputs : Mapping of str to ndarray, shape (n,)
+            SI.
+        parameters : Mapping of str to float
+            SI, by names of all runs and of single ones.
+        effort : float
+            Internal steps per sample, beyond which the model has become too stiff.
+        runs : sequence of Run
+            They may be others than those that were fitted: nothing in them hangs on the values of single runs fitted.
+
+        Returns
+        -------
+        Trajectory
+            Between two runs the first values of the second one; there the derivatives are zero.
+
+        Raises
+        ------
+        UserError
+            If the simulation fails.
+        """
+        chosen = runs or [Run(self._runs[0].label, 0, len(time))]
+        done = [self._one(run, time, inputs, parameters, effort) for run in chosen]
+        if len(chosen) == 1 and chosen[0].last - chosen[0].first == len(time):
+            return done[0]
+        signals = {name: joined(len(time), chosen, [t.signals[name] for t in done]) for name in done[0].signals}
+        slopes = {name: np.zeros((len(time), len(self._names))) for name in done[0].sensitivities}
+        for name, matrix in slopes.items():
+            for run, trajectory in zip(chosen, done, strict=True):
+                matrix[run.samples] = trajectory.sensitivities[name]
+        return Trajectory(signals, slopes)
+
+    def _one(
+        self, run: Run, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float
+    ) -> Trajectory:
+        """Simulate one run by its own clock."""
+        fed = {name: np.broadcast_to(values, len(time))[run.samples] for name, values in inputs.items()}
+        ran = self._model.run(time[run.samples] - run.ahead, fed, run.values(parameters), effort)
+        if self._names == self._plain:
+            return ran
+        # what is another run's own does nothing here, and what is this run's own does it instead of the common value
+        bases, own = [base_name(name) for name in self._names], {*self._names}
+        acting = [name == (run.own(b) if run.own(b) in own else b) for name, b in zip(self._names, bases, strict=True)]
+        places = [self._plain.index(b) for b in bases]
+        return Trajectory(ran.signals, {name: s[:, places] * acting for name, s in ran.sensitivities.items()})
+
+
 class Problem:
     """A component, a record, and the parameters to search; one simulation serves residuals and derivatives.
 
@@ -68,17 +150,20 @@ class Problem:
     inputs, measured : Mapping[str, ndarray]
         Inputs and measured outputs (n,), SI; NaN in an output is a gap.
     names : sequence of str
-        Parameters to search, start values of states included.
+        Parameters to search, start values of states included; one that is a run's own by the name it has there.
     fixed : Mapping[str, float]
         Values of others, and starting points of those to search.
     linear : bool or collection of str
         Inputs that go linearly from sample to sample, all or those named; others are held until the next.
     order : int
         Highest order of the autoregression that the noise of an output may be; 0 for white noise.
+    runs : sequence of Run
+        Of the record, with gaps in all outputs between them; a single one without a name unless given.
 
     Attributes
     ----------
     declared : dict of str to Declaration
+        Of every parameter, and of what is searched.
     start : dict of str to float
         Value of every parameter where the search starts.
     measured, present : dict of str to ndarray
@@ -105,17 +190,20 @@ class Problem:
     def __init__(
         self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
         names: Sequence[str], fixed: Mapping[str, float], linear: bool | Collection[str] = False,
-        order: int = ORDER,
+        order: int = ORDER, runs: Sequence[Run] = (),
     ):  # fmt: skip
-        self.model = DelayedModel(cls, names, linear)
+        self.runs = tuple(runs) or (Run("", 0, len(time)),)
+        self.model = ModelOverRuns(cls, names, linear, self.runs)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
+        self.declared |= {name: self.declared[base_name(name)] for name in names}
         for name in names:
             if self.declared[name].type != "real":
                 raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
         self.time, self.inputs, self.names = time, inputs, list(names)
-        self.even = evenly_sampled(time)
+        self.even = sampled_alike(time, self.runs)
         self.order = order if self.even else 0
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
+        self.start |= {name: self.start[base_name(name)] for name in names if name not in fixed}
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
         moved = input_steps(inputs, len(time))
@@ -136,9 +224,8 @@ class Problem:
         """
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
-            trajectory = self.model.run(
-                self.time, self.inputs, self.start | self.values(q), effort=max(_EFFORT, _EFFORTS / len(self.time))
-            )
+            effort = max(_EFFORT, _EFFORTS / len(self.time))
+            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort, self.runs)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             residual = {o: (y - trajectory.signals[o])[self.present[o]] for o, y in self.measured.items()}
             jacobian = {o: -trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
@@ -207,7 +294,7 @@ class Problem:
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
         """Return which coordinates are delays, and how many samples long each is."""
-        delays = [i for i, name in enumerate(self.names) if name in self.model.delays.values()]
+        delays = [i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()]
         return [(i, self.scales[i].value(q[i]) / self._step) for i in delays]
 
     def _delay(self, i: int, samples: float) -> float:

@@ -17,6 +17,7 @@ from fmus.kit.errors import UserError
 from orchestration.identify.levenberg_marquardt import Minimum, minimise
 from orchestration.identify.noise import noise_std
 from orchestration.identify.problem import Problem
+from orchestration.records.joined import base_name
 
 Array = NDArray[np.float64]
 _SPREAD = float(np.log(10.0))  # of starting points about nominal, in searched coordinates: a decade either way
@@ -52,9 +53,9 @@ def pooled_error(
 
 
 def starting_points(problem: Problem) -> list[Array]:
-    """Nominal parameters, and others within a decade, spread evenly; where states start stays as it is."""
+    """Nominal parameters, and others within a decade, spread evenly; starts of states stay, and what is a run's own."""
     nominal = problem.inside(problem.position(problem.start))
-    moved = np.array([not problem.declared[name].starts for name in problem.names])
+    moved = np.array([not problem.declared[name].starts and base_name(name) == name for name in problem.names])
     if not moved.any():
         return [nominal]
     points = 2.0 * qmc.Halton(int(moved.sum()), scramble=False).random(_STARTS + 1)[1:] - 1.0

@@ -5,8 +5,8 @@ reason. Nothing is silently truncated or guessed.
 """
 
 from orchestration.records.mapping import parse_mapping
-from orchestration.records.reading import read_record
+from orchestration.records.reading import read_record, read_runs
 from orchestration.records.record import Record, Repair
 from orchestration.records.writing import write_record
 
-__all__ = ["Record", "Repair", "parse_mapping", "read_record", "write_record"]
+__all__ = ["Record", "Repair", "parse_mapping", "read_record", "read_runs", "write_record"]

@@ -113,8 +113,7 @@ def _sort_late_rows(samples: Samples) -> None:
         jump = (
             f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]} at {time[first]:g} s"
         )
-        elapsed = before[first - 1] - time[0]
-        if first >= RESTART_AFTER_ROWS and time[first] - time[0] <= 0.05 * elapsed:
+        if _restarts(time, first):
             raise refuse(
                 samples.path,
                 f"the clock restarts: {jump}; split the file before row {samples.rows[first]} "
@@ -135,6 +134,34 @@ def _sort_late_rows(samples: Samples) -> None:
         )
     samples.repairs.append(Repair("order", f"{len(rows)} rows out of order sorted ({list_rows(rows)})", tuple(rows)))
     samples.keep(np.argsort(time, kind="stable"))
+
+
+def _restarts(time: NDArray[np.float64], row: int) -> bool:
+    """Tell whether a row that comes late is back where the clock began."""
+    return row >= RESTART_AFTER_ROWS and bool(time[row] - time[0] <= 0.05 * (time[:row].max() - time[0]))
+
+
+def restarts(time: NDArray[np.float64]) -> list[int]:
+    """Find where a clock restarts.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds; NaN where there is none.
+
+    Returns
+    -------
+    list of int
+        First sample of every run but the first.
+    """
+    at = np.flatnonzero(np.isfinite(time))
+    clock, first, found = time[at], 0, []
+    for k in np.flatnonzero(np.diff(clock) < 0.0) + 1:
+        stays = clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]  # else these are a few late rows
+        if stays and _restarts(clock[first:], int(k) - first):
+            first = int(k)
+            found.append(int(at[k]))
+    return found
 
 
 def _fills_a_hole(time: NDArray[np.float64], first: int, end: int) -> bool:

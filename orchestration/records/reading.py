@@ -11,6 +11,7 @@ from orchestration.records.clock import Samples, repair_clock
 from orchestration.records.formats.registry import read_table
 from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair
+from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
 from orchestration.records.table import Table, numbers
 from orchestration.records.units import convert
 
@@ -50,16 +51,69 @@ def read_record(
     UserError
         If the file cannot be used: file, row, reason.
     """
-    path = Path(path)
+    samples = _samples(_table(Path(path), signals, required, inputs), signals, mapping or {}, required)
+    return _record(samples, signals, required, inputs)
+
+
+def read_runs(
+    path: str | Path,
+    signals: Mapping[str, str],
+    *,
+    mapping: Mapping[str, str] | None = None,
+    required: Collection[str] = (),
+    inputs: Collection[str] = (),
+    column: str | None = None,
+) -> list[Record]:
+    """Read a file that may hold several runs, each a record of its own.
+
+    Parameters
+    ----------
+    path, signals, mapping, required, inputs
+        See :func:`read_record`.
+    column : str, optional
+        The column that tells the runs apart. Without it a new one begins where the clock restarts.
+
+    Returns
+    -------
+    list of Record
+        In the order of the file, with their labels; one without a label where there is one run.
+
+    Raises
+    ------
+    UserError
+        If the file or a run in it cannot be used.
+    """
+    table = _table(Path(path), signals, required, inputs)
+    marks = None
+    if column is not None:
+        marks = run_marks(table, column, mapping or {})
+        table.columns = [c for c in table.columns if c.name != column]
+    samples = _samples(table, signals, mapping or {}, required)
+    parts = divided_at_restarts(samples) if marks is None else divided_by(samples, marks)
+    return [_record(part, signals, required, inputs, label) for label, part in parts]
+
+
+def _table(path: Path, signals: Mapping[str, str], required: Collection[str], inputs: Collection[str]) -> Table:
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
-    table = read_table(path)
-    matches = match_columns(table, signals, mapping or {}, required)
+    return read_table(path)
+
+
+def _samples(
+    table: Table, signals: Mapping[str, str], mapping: Mapping[str, str], required: Collection[str]
+) -> Samples:
+    """Read the columns of the signals, as the file has them, in the model's units."""
+    matches = match_columns(table, signals, mapping, required)
     units = {TIME: "s", **signals} if TIME not in signals else {**signals, TIME: "s"}
     values = {match.signal: _column_in_unit(table, match, units[match.signal]) for match in matches}
-    time = values.pop(TIME)
-    samples = Samples(path, time, values, table.rows, table.repairs)
+    return Samples(table.path, values.pop(TIME), values, table.rows, table.repairs)
+
+
+def _record(
+    samples: Samples, signals: Mapping[str, str], required: Collection[str], inputs: Collection[str], label: str = ""
+) -> Record:
+    """Repair what can be repaired of one run, and refuse or notice what cannot."""
     # absurd values near the largest double overflow in differences; they are the file's, and no reason for a traceback
     with np.errstate(over="ignore", invalid="ignore"):
         mask_infinite(samples)
@@ -67,7 +121,7 @@ def read_record(
         repair_holes(samples, inputs, required)
         declared = {name: signals[name] for name in samples.values}
         notice_channels(samples, declared, inputs)
-    return Record(samples.time, samples.values, declared, path, samples.repairs)
+    return Record(samples.time, samples.values, declared, samples.path, samples.repairs, label)
 
 
 def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:

@@ -64,6 +64,8 @@ class Record:
         The file.
     repairs : list of Repair
         What was repaired or noticed, in the order it happened.
+    label : str
+        Of the run that it is, where the file holds several.
     """
 
     time: NDArray[np.float64]
@@ -71,11 +73,13 @@ class Record:
     units: dict[str, str]
     source: Path
     repairs: list[Repair] = field(default_factory=list)
+    label: str = ""
 
     def __str__(self) -> str:
         seconds = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
         signals = ", ".join(f"{name} [{self.units[name]}]" for name in self.signals)
-        lines = [f"{self.source.name}: {self.time.size} samples over {seconds:.6g} s: {signals}"]
+        which = f", run {self.label}" if self.label else ""
+        lines = [f"{self.source.name}{which}: {self.time.size} samples over {seconds:.6g} s: {signals}"]
         lines += [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in self.repairs]
         return "\n".join(lines)
 

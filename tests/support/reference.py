@@ -11,8 +11,9 @@ DOCS = Path(__file__).parents[2] / "docs"
 # whose keys are names of the model; every other key is a field
 NAMED = {
     "parameters": "PARAMETER", "holdout_fit_percent": "OUTPUT", "holdout_nrmse_before": "OUTPUT",
-    "holdout_nrmse_after": "OUTPUT", "residuals": "OUTPUT", "untouched": "OUTPUT", "least_squares": "OUTPUT",
-    "refitted": "OUTPUT", "extended": "OUTPUT", "outputs": "OUTPUT", "inputs": "INPUT", "fed": "INPUT",
+    "holdout_nrmse_after": "OUTPUT", "nrmse": "OUTPUT", "residuals": "OUTPUT", "untouched": "OUTPUT",
+    "least_squares": "OUTPUT", "refitted": "OUTPUT", "extended": "OUTPUT", "outputs": "OUTPUT", "inputs": "INPUT",
+    "fed": "INPUT",
 }  # fmt: skip
 FIELD = re.compile(r"^\| `([^`]+)` \|([^|]*)\| *([^|]*)\|$", re.M)
 

@@ -13,7 +13,6 @@ from orchestration.cli.options import (
     Json,
     Map,
     Platforms,
-    Record,
     Set,
     With,
     comma_list,
@@ -52,8 +51,27 @@ Interpolate = Annotated[
 Hold = Annotated[
     str | None, option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set.")
 ]
+Records = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="RECORD...",
+        help="Measured records: CSV, Parquet, TDMS, MAT or LabVIEW text. Several have one set of parameters.",
+    ),
+]
+Runs = Annotated[
+    str | None,
+    option(
+        "--runs", metavar="COLUMN", help="Column that tells the records in a file apart; else a clock that restarts."
+    ),
+]
+Each = Annotated[str | None, option("--each", help="Parameters that differ from record to record, e.g. ocv,R0.")]
 Holdout = Annotated[
-    Path | None, option("--holdout", help="Another record to judge by; default the last third of the record.")
+    list[str] | None,
+    option(
+        "--holdout",
+        metavar="RECORD",
+        help="A record to judge by, or labels such as 7,8,9 of some of several; default the last third. Repeatable.",
+    ),
 ]
 Time = Annotated[
     float | None,
@@ -78,7 +96,7 @@ System = Annotated[
 
 
 def diagnose(
-    record: Record,
+    records: Records,
     model: Model = None,
     laid_over: With = None,
     mapping: Map = None,
@@ -86,6 +104,8 @@ def diagnose(
     effects: Effects = None,
     interpolate: Interpolate = None,
     hold: Hold = None,
+    runs: Runs = None,
+    each: Each = None,
     holdout: Holdout = None,
     time: Time = None,
     result: Json = None,
@@ -105,23 +125,26 @@ def diagnose(
             "--effects": effects,
             "--interpolate": interpolate,
             "--hold": hold,
+            "--runs": runs,
+            "--each": each,
             "--holdout": holdout,
             "--time": time,
             "--report": report,
             "--fmu": fmu,
             "--platforms": platforms,
             "--experiment": experiment,
+            "a second record": records[1:] or None,
         }
         with standard_output_for(result):
-            diagnose_system.run(record, system, mapping or [], settings or [], result, others)
+            diagnose_system.run(records[0], system, mapping or [], settings or [], result, others)
         return
     from orchestration.cli import diagnose as one_model
 
-    files = one_model.Files(record, holdout, result, report, fmu, experiment, platform_list(platforms))
+    files = one_model.Files(records, holdout or (), result, report, fmu, experiment, platform_list(platforms))
     named = comma_list(effects)
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold), interpolate, comma_list(laid_over), time,
+            comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each),
         )  # fmt: skip

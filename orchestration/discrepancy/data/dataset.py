@@ -1,4 +1,4 @@
-"""A measured record as every step of the diagnosis takes it: estimation data and validation data are such datasets."""
+"""A measured record, or several as one, as every step of the diagnosis takes it; estimation data are such a dataset."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.records.joined import Run, joined, sampled_alike
+
 Array = NDArray[np.float64]
+# Samples between two runs at which nothing was measured: more than any filter remembers, and than the lags at which a
+# residual is held against signals, so that neither reaches across.
+GAP = 32
 
 
 @dataclass(frozen=True)
@@ -23,22 +28,87 @@ class Dataset:
     linear : bool or collection of str, optional
         Inputs that go linearly from sample to sample, all or those named; others are held until the next. None leaves
         it to the diagnosis.
+    several : tuple of Run
+        Where it is made of several records, one after the other with a gap between them; empty for one record.
     """
 
     time: Array
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
     linear: bool | Collection[str] | None = None
+    several: tuple[Run, ...] = ()
 
-    def only(self, outputs: Sequence[str]) -> Dataset:
+    @classmethod
+    def joined(cls, records: Mapping[str, Dataset]) -> Dataset:
+        """Join records to one, by what each is called; an output that one of them lacks has a gap there."""
+        parts = list(records.values())
+        step = float(np.median(np.concatenate([np.diff(part.time) for part in parts])))
+        runs: list[Run] = []
+        for label, part in records.items():
+            first, ahead = 0, 0.0
+            if runs:
+                before, last = parts[len(runs) - 1], runs[-1]
+                first = last.last + GAP
+                ahead = before.time[-1] + last.ahead + (GAP + 1) * step - part.time[0]
+            runs.append(Run(label, first, first + len(part.time), float(ahead)))
+        count = runs[-1].last
+        time = joined(count, runs, [part.time + run.ahead for part, run in zip(parts, runs, strict=True)])
+        for run in runs[1:]:
+            time[run.first - GAP : run.first] = time[run.first] - step * np.arange(GAP, 0, -1)
+        inputs = {n: joined(count, runs, [part.inputs[n] for part in parts]) for n in parts[0].inputs}
+        outputs = dict.fromkeys(name for part in parts for name in part.measured)
+        measured = {name: np.full(count, np.nan) for name in outputs}
+        for run, part in zip(runs, parts, strict=True):
+            for name, values in part.measured.items():
+                measured[name][run.samples] = values
+        return cls(time, inputs, measured, parts[0].linear, tuple(runs))
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """What it is made of; a record by itself is a run without a name."""
+        return self.several or (Run("", 0, len(self.time)),)
+
+    @property
+    def within(self) -> NDArray[np.bool_]:
+        """Samples (n,) of any of the runs."""
+        result = np.zeros(len(self.time), dtype=bool)
+        for run in self.runs:
+            result[run.samples] = True
+        return result
+
+    @property
+    def even(self) -> bool:
+        """Whether samples are equally spaced, in all runs alike."""
+        return sampled_alike(self.time, self.runs)
+
+    def only(self, outputs: Collection[str]) -> Dataset:
         """Some of the outputs."""
         return replace(self, measured={o: y for o, y in self.measured.items() if o in outputs})
+
+    def apart(self) -> dict[str, Dataset]:
+        """Every run by itself, by its own clock."""
+        parts = {}
+        for run in self.runs:
+            inputs, measured = self._picked(run.samples)
+            parts[run.label] = Dataset(self.time[run.samples] - run.ahead, inputs, measured, self.linear)
+        return parts
+
+    def runs_of(self, labels: Sequence[str]) -> Dataset:
+        """Some of the runs, joined anew."""
+        parts = self.apart()
+        return Dataset.joined({label: parts[label] for label in labels})
 
     def part(self, first: int, last: int) -> Dataset:
         """Samples from one to before another."""
         return self.where(slice(first, last))
 
     def where(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Dataset:
-        """Some of the samples."""
-        inputs, measured = ({n: v[cut] for n, v in group.items()} for group in (self.inputs, self.measured))
-        return replace(self, time=self.time[cut], inputs=inputs, measured=measured)
+        """Some of the samples, in their order; runs of which none is left are gone."""
+        inputs, measured = self._picked(cut)
+        kept = np.arange(len(self.time))[cut]
+        ends = [np.searchsorted(kept, [run.first, run.last]).tolist() for run in self.several]
+        several = tuple(replace(run, first=a, last=b) for run, (a, b) in zip(self.several, ends, strict=True) if b > a)
+        return replace(self, time=self.time[cut], inputs=inputs, measured=measured, several=several)
+
+    def _picked(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> list[dict[str, Array]]:
+        return [{n: v[cut] for n, v in group.items()} for group in (self.inputs, self.measured)]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.identify.metrics import normalised_rms
-from orchestration.records.clock import evenly_sampled
 
 Array = NDArray[np.float64]
 HELD_OUT = 1.0 / 3.0  # of a record, its end
-_RUN_IN = 1.0 / 6.0  # of a record of its own: there the states at its start are estimated, and nothing is judged
+_RUN_IN = 1.0 / 6.0  # of a record of its own: there what is its own is estimated, and nothing is judged
+_STRETCHES, _LEAST_STRETCH = 10, 30  # of a record with other values of its own; samples in each
 
 
 @dataclass(frozen=True)
@@ -25,40 +25,70 @@ class ValidationData:
     ----------
     data : Dataset
         Simulated from its first sample on.
-    first : int
-        The sample from which on nothing was fitted to.
+    judged : ndarray of bool, shape (n,)
+        Samples to judge by: nothing was fitted to them.
     continued : bool
-        Whether it continues the estimation data, or is a record of its own, whose starting states are estimated on
-        the samples before ``first``.
+        Whether they continue the estimation data, or are records of their own: what is each record's own, as its
+        starting states are, is estimated on the samples of it that are not judged.
     """
 
     data: Dataset
-    first: int
+    judged: NDArray[np.bool_]
     continued: bool
 
     @classmethod
-    def split(cls, data: Dataset) -> tuple[Dataset, ValidationData]:
+    def split(cls, data: Dataset, each: bool = False) -> tuple[Dataset, ValidationData]:
         """Divide a record into estimation and validation data.
 
-        Held out is its end, or where it is sampled unevenly, and no stretch of it is like another, every third sample.
+        Of several records the last third is held out. Of one it is its end, or where it is sampled unevenly, and no
+        stretch of it is like another, every third sample.
         """
-        if evenly_sampled(data.time):
+        if len(data.several) > 1:
+            labels = [run.label for run in data.runs]
+            kept = len(labels) - max(1, round(len(labels) * HELD_OUT))
+            return data.runs_of(labels[:kept]), cls.separate_record(data.runs_of(labels[kept:]), each)
+        if data.even:
             validation = cls.tail(data)
             return data.part(0, validation.first), validation
         out = np.arange(len(data.time)) % round(1.0 / HELD_OUT) == 1
         fitted, judged = ({o: np.where(which, y, np.nan) for o, y in data.measured.items()} for which in (~out, out))
-        return replace(data, measured=fitted), cls(replace(data, measured=judged), 0, True)
+        return replace(data, measured=fitted), cls(replace(data, measured=judged), np.ones(len(out), dtype=bool), True)
 
     @classmethod
     def tail(cls, data: Dataset) -> ValidationData:
         """Hold out the end of a record, as far as every output was measured."""
         last = min(int(np.flatnonzero(np.isfinite(y))[-1]) for y in data.measured.values())
-        return cls(data, round((last + 1) * (1.0 - HELD_OUT)), True)
+        return cls(data, np.arange(len(data.time)) >= round((last + 1) * (1.0 - HELD_OUT)), True)
 
     @classmethod
-    def separate_record(cls, data: Dataset) -> ValidationData:
-        """Hold out a record of its own."""
-        return cls(data, round(len(data.time) * _RUN_IN), False)
+    def separate_record(cls, data: Dataset, each: bool = False) -> ValidationData:
+        """Hold out records of their own.
+
+        Where a record starts is known from its first sixth. What else differs from record to record, where anything
+        does (``each``), may show itself anywhere in it, so then the first sixth of every tenth of it tells both.
+        """
+        judged = np.zeros(len(data.time), dtype=bool)
+        for run in data.runs:
+            count = run.last - run.first
+            stretch = max(count / _STRETCHES, _LEAST_STRETCH) if each else count
+            place = np.arange(count) % stretch
+            judged[run.samples] = place >= round(stretch * _RUN_IN)
+        return cls(data, judged, False)
+
+    @property
+    def first(self) -> int:
+        """The first sample that is judged."""
+        return int(np.argmax(self.judged))
+
+    @property
+    def run_in(self) -> Dataset:
+        """The data as far as what is each record's own is estimated on them: to the last sample that is not judged."""
+        fitted = self.data.within & ~self.judged
+        measured = {o: np.where(fitted, y, np.nan) for o, y in self.data.measured.items()}
+        reached = np.zeros(len(fitted), dtype=bool)
+        for run in self.data.runs:
+            reached[run.first : run.first + 1 + int(np.flatnonzero(fitted[run.samples])[-1])] = True
+        return replace(self.data, measured=measured).where(reached)
 
     def nrmse(self, simulated: Mapping[str, Array]) -> dict[str, float]:
         """Normalised RMS error of every output, where nothing was fitted.
@@ -68,4 +98,5 @@ class ValidationData:
         simulated : Mapping of str to ndarray, shape (n,)
             Over the whole of the data.
         """
-        return {o: normalised_rms(y[self.first :], simulated[o][self.first :]) for o, y in self.data.measured.items()}
+        at = self.judged
+        return {o: normalised_rms(y[at], simulated[o][at]) for o, y in self.data.measured.items()}

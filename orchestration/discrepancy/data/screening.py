@@ -6,17 +6,18 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
-from fmus.kit.record.compiled import CompiledModel
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.data.quality import assess
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.noise import ORDER, noise_std, segments
-from orchestration.records.clock import evenly_sampled
+from orchestration.identify.problem import ModelOverRuns
 
+Array = NDArray[np.float64]
 _SHORTEST = 150  # samples to fit to
 _LASTING = 0.5  # of the record, before which an output ends too early
 _FEWEST = 20  # samples without which an output tells nothing
@@ -31,7 +32,7 @@ class DividedData:
     Attributes
     ----------
     usable : Dataset
-        All of the record that can be trusted.
+        All that the model is fitted to once its gain is known: the estimation data, and what was held out of a record.
     estimation : Dataset
         What of it is fitted to.
     validation : ValidationData
@@ -52,7 +53,9 @@ class DividedData:
         return replace(self, usable=usable, estimation=estimation, validation=replace(self.validation, data=judged))
 
 
-def divided(cls: type[Component], data: Dataset, holdout: Dataset | None, fixed: Mapping[str, float]) -> DividedData:
+def divided(
+    cls: type[Component], data: Dataset, holdout: Dataset | None, fixed: Mapping[str, float], each: bool = False
+) -> DividedData:
     """Screen a record and divide it into estimation and validation data.
 
     Parameters
@@ -60,9 +63,11 @@ def divided(cls: type[Component], data: Dataset, holdout: Dataset | None, fixed:
     cls : type[Component]
     data : Dataset
     holdout : Dataset, optional
-        Another record to judge by; without it the end of the record is held out.
+        Other records to judge by; without them the end of the record is held out, or the last third of several.
     fixed : Mapping of str to float
         Parameters of the model.
+    each : bool
+        Whether any parameter differs from record to record.
 
     Raises
     ------
@@ -70,8 +75,8 @@ def divided(cls: type[Component], data: Dataset, holdout: Dataset | None, fixed:
         If the record is too short, or no output can be both fitted and judged.
     """
     least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
-    if len(data.time) < least:
-        raise UserError(f"{len(data.time)} samples are too few for a diagnosis; {least} are the least")
+    if (samples := int(data.within.sum())) < least:
+        raise UserError(f"{samples} samples are too few for a diagnosis; {least} are the least")
     data, notes = screened(cls, data, fixed)
     if holdout is not None:
         try:
@@ -81,16 +86,18 @@ def divided(cls: type[Component], data: Dataset, holdout: Dataset | None, fixed:
         notes += [note.of_holdout() for note in others if note not in notes]
     data, early = drop_truncated(data)
     if holdout is None:
-        estimation, validation = ValidationData.split(data)
+        estimation, validation = ValidationData.split(data, each)
     else:
-        estimation, validation = data, ValidationData.separate_record(holdout)
+        estimation, validation = data, ValidationData.separate_record(holdout, each)
     kept = sufficient(estimation)
     notes += early + [Note(NoteCode.MANY_GAPS, o) for o in estimation.measured if o not in kept]
     validation = replace(validation, data=validation.data.only(kept))
     if not (kept and validation.data.measured):
         raise UnusableRecordError(notes)
     notes += [Note(NoteCode.NOT_IN_VALIDATION_DATA, o) for o in kept if o not in validation.data.measured]
-    return DividedData(data.only(kept), estimation.only(kept), validation, notes)
+    estimation = estimation.only(kept)
+    usable = estimation if holdout is not None else data.only(kept)
+    return DividedData(usable, estimation, validation, notes)
 
 
 def screened(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> tuple[Dataset, list[Note]]:
@@ -105,7 +112,7 @@ def screened(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) ->
         if np.abs(values[np.isfinite(values)]).max(initial=0.0) > _HUGE:
             raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
     try:
-        simulated = CompiledModel(cls).run(data.time, data.inputs, fixed, data.linear or ()).signals
+        simulated = _simulated(cls, data, fixed)
     except UserError:
         simulated = {}
     usable, faults = assess(data, {o: simulated[o] for o in data.measured if o in simulated})
@@ -118,7 +125,12 @@ def screened(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) ->
 
 
 def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
-    """Leave out outputs that end long before the others: the part held out is the end of what all of them have."""
+    """Leave out outputs that end long before the others: the part held out is the end of what all of them have.
+
+    Of several records whole ones are held out, and an output may be missing in any of them.
+    """
+    if data.several:
+        return data, []
     ends = {o: int(np.flatnonzero(np.isfinite(y))[-1]) for o, y in data.measured.items()}
     short = [o for o, end in ends.items() if end < _LASTING * max(ends.values())]
     notes = [Note(NoteCode.ENDS_EARLY, o, {"time": float(data.time[ends[o]])}) for o in short]
@@ -127,7 +139,7 @@ def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
 
 def sufficient(data: Dataset) -> list[str]:
     """Outputs with enough samples behind each other to know their noise."""
-    memory = ORDER if evenly_sampled(data.time) else 0
+    memory = ORDER if data.even else 0
     lengths = {o: [b - a - memory for a, b in segments(np.isfinite(y))] for o, y in data.measured.items()}
     return [o for o, length in lengths.items() if sum(n for n in length if n > 0) >= _FEWEST]
 
@@ -142,11 +154,18 @@ def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
         return False
     means = {name: np.full_like(values, values.mean()) for name, values in data.inputs.items()}
     try:
-        model = CompiledModel(cls)
-        runs = [model.run(data.time, inputs, fixed, data.linear or ()).signals for inputs in (data.inputs, means)]
+        moved, still = (_simulated(cls, replace(data, inputs=inputs), fixed) for inputs in (data.inputs, means))
     except UserError:
         return True
     for output, y in data.measured.items():
-        if float(np.sqrt(np.mean((runs[0][output] - runs[1][output]) ** 2))) > _LOST * noise_std(y, 3):
+        if float(np.sqrt(np.mean((moved[output] - still[output]) ** 2))) > _LOST * noise_std(y, 3):
             return True
     return False
+
+
+def _simulated(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> dict[str, Array]:
+    """Outputs and states of a model as it comes."""
+    values = {p.name: float(p.start) for p in cls.layout.parameters} | dict(fixed)
+    return (
+        ModelOverRuns(cls, (), data.linear or (), data.runs).run(data.time, data.inputs, values, runs=data.runs).signals
+    )

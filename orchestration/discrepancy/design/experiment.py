@@ -132,7 +132,7 @@ class DiscriminatingExperiment:
         starts = self.model.candidate.cls.layout.start_parameters
         shown = {p.name for effect in self.model.candidate.effects if effect.output for p in effect.layout.parameters}
         lines += [
-            f"{name} = {value!r}" for name, value in self.model.fit.values.items()
+            f"{name} = {value!r}" for name, value in self.model.problem.runs[0].values(self.model.fit.values).items()
             if name not in shown and name not in starts
         ]  # fmt: skip
         for name, stimulus in self.stimuli.items():

@@ -90,6 +90,7 @@ def over_time(
     views : dict of str to range of the time axis
     """
     time, unit = readable(data.time)
+    between = ~data.within  # runs, where nothing is drawn
     steps = np.diff(time)
     logarithmic = bool(steps.max() > _SPREAD * steps.min())
     panels, held = [], []
@@ -97,7 +98,7 @@ def over_time(
         signal = model.outputs[output]
         over, residuals = [Trace("measured", time, _display(y, signal), {"color": pictures.MEASURED, "width": 3.5})], []
         for run in runs:
-            values = simulated[run.label][output]
+            values = np.where(between, np.nan, simulated[run.label][output])
             style = {"color": run.colour, "width": 1.5}
             nominal = run.label == NOMINAL
             residual = y - values
@@ -114,13 +115,19 @@ def over_time(
         panels += [Panel(_titled("measured − simulated", unit_of_differences(signal)), _RESIDUAL, residuals)]
     for name, values in data.inputs.items():
         signal = model.inputs[name]
-        line = Trace("", time, _display(values, signal), {"color": "#4a5763", "width": 1, "shape": "hv"})
+        line = Trace(
+            "",
+            time,
+            _display(np.where(between, np.nan, values), signal),
+            {"color": "#4a5763", "width": 1, "shape": "hv"},
+        )
         if np.ptp(values) > 0.0:
             panels.append(Panel(_titled(name, signal.display), _INPUT, [line]))
         else:
             held.append(f"{name} stays at {shown(values[0], signal)}")
     caption = "Drag to zoom, double-click to see all again; click a name to hide it or to show it."
     caption += f" {'; '.join(held)}." if held else ""
+    caption += " Records are drawn one after the other; each begins at its mark." if data.several else ""
     if len(time) > MOST:
         caption += f" Of {-(-2 * len(time) // MOST)} samples in a row, the smallest and the largest are drawn."
     views: dict[str, list[float] | None] = {}
@@ -132,7 +139,8 @@ def over_time(
         for text, last in ((after, len(time) - 1), (f"{after}, closer", first + (len(time) - first) // _CLOSER)):
             ends = time[[first, last]]
             views[text] = (np.log10(ends) if logarithmic else ends).tolist()
-    return stacked(panels, f"time [{unit}]", logarithmic, boundary), caption, views
+    starts = [(float(time[run.first]), run.label) for run in data.several]
+    return stacked(panels, f"time [{unit}]", logarithmic, boundary, starts), caption, views
 
 
 def of_residual(

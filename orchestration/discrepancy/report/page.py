@@ -14,6 +14,7 @@ from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import elements, figures, sections, typography, wording
 from orchestration.discrepancy.report.evidence_table import evidence
 from orchestration.records import Record
+from orchestration.records.joined import base_name
 from orchestration.reporting.page import Markup, Page, escaped
 
 
@@ -34,7 +35,7 @@ def page(result: Result, command: str) -> Page:
     more = "".join(f'<span class="detail">{line}</span>' for line in typography.details(diagnosis))
     chip = elements.chip(diagnosis.verdict, diagnosis.verdict)
     verdict = Markup(f"{chip} {escaped(wording.headline(result))}{more}")
-    made = Page(f"{result.model.name} against {result.record.source.name}", verdict, elements.STYLE)
+    made = Page(f"{result.model.name} against {result.files}", verdict, elements.STYLE)
     models, simulated = sections.shown_models(result)
     _summary(made, result)
     sections.gain(made, result, models, simulated)
@@ -59,6 +60,9 @@ def _summary(made: Page, result: Result) -> None:
     """What was fitted to, and what was held out."""
     diagnosis = result.diagnosis
     data, validation = diagnosis.estimation, diagnosis.validation
+    if data.several or validation.data.several:
+        made.parts.append(elements.aside(_runs(result)))
+        return
     if validation.first == 0:
         fitted, judged = (int(sections.anywhere(part).sum()) for part in (data, validation.data))
         made.parts.append(elements.aside(
@@ -74,12 +78,28 @@ def _summary(made: Page, result: Result) -> None:
     ))  # fmt: skip
 
 
+def _runs(result: Result) -> str:
+    """What of several records was fitted to, and what was held out."""
+    diagnosis = result.diagnosis
+    fitted, judged = diagnosis.estimation, diagnosis.validation.data
+    names = [", ".join(run.label or result.files for run in data.runs) for data in (fitted, judged)]
+    counts = int(fitted.within.sum()), int(diagnosis.validation.judged.sum())
+    text = (
+        f"{' and '.join(diagnosis.residuals)}: fitted to {names[0]} of {result.files} ({counts[0]} samples) with one "
+        f"set of parameters, judged on {names[1]} ({counts[1]} samples). Every record starts on its own"
+    )
+    declared = diagnosis.final.problem.declared
+    own = dict.fromkeys(base_name(n) for n in diagnosis.estimates if base_name(n) != n and not declared[n].starts)
+    return f"{text}, and has {', '.join(own)} of its own." if own else f"{text}."
+
+
 def _data(made: Page, result: Result) -> None:
     """What was repaired in the files."""
     made.heading("The data")
     for record in _records(result):
         repairs = [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in record.repairs]
-        made.text(f"{record.source.name}: {'as follows.' if repairs else 'nothing had to be repaired.'}")
+        run = f", run {record.label}" if record.label else ""
+        made.text(f"{record.source.name}{run}: {'as follows.' if repairs else 'nothing had to be repaired.'}")
         made.items(repairs)
 
 
@@ -95,7 +115,7 @@ def _reproduce(made: Page, result: Result, command: str) -> None:
 
 def _records(result: Result) -> list[Record]:
     """All that was read."""
-    return [result.record, *([result.holdout] if result.holdout else [])]
+    return [*result.records, *result.holdouts]
 
 
 def _length(time: NDArray[np.float64]) -> str:

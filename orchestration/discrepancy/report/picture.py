@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fmus.kit import units
 from fmus.kit.units import unit_of_differences
 from orchestration.discrepancy.diagnosis import Diagnosis
@@ -40,6 +42,7 @@ def draw(diagnosis: Diagnosis, model: Model, path: Path | None = None) -> Figure
     """
     output = max(diagnosis.before, key=lambda o: diagnosis.before[o] - diagnosis.after[o])
     signal, part = model.outputs[output], slice(diagnosis.validation.first, None)
+    within = diagnosis.validation.data.within[part]
     difference = unit_of_differences(signal)
     data = diagnosis.validation.data
     time, measured = data.time[part], data.measured[output][part]
@@ -51,6 +54,7 @@ def draw(diagnosis: Diagnosis, model: Model, path: Path | None = None) -> Figure
     runs += [(EXTENDED, diagnosis.selection.best, diagnosis.after)] if diagnosis.selection.steps else []
     for name, fitted, errors in runs:
         simulated = predict(diagnosis.validation, fitted).simulated[output][part]
+        simulated = np.where(within, simulated, np.nan)  # nothing between one record and the next
         label = f"{name}: {100.0 * errors[output]:.1f} % error"
         over.plot(time, units.convert(simulated, signal.unit, signal.display), color=COLOURS[name], lw=1.2, label=label)
         residual = units.convert(measured - simulated, signal.unit, difference)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,12 @@ from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.pipeline import Result
+from orchestration.discrepancy.pipeline import Result, file_names
 from orchestration.discrepancy.report import elements, figures, typography, wording
 from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED, ShownModel
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.identify.metrics import normalised_rms, rms
-from orchestration.records.clock import evenly_sampled
+from orchestration.records.joined import base_name, shown_name
 from orchestration.reporting.page import Markup, Page, escaped
 
 Array = NDArray[np.float64]
@@ -79,12 +80,13 @@ def gain(made: Page, result: Result, models: Sequence[ShownModel], simulated: Si
     """How far off every model is where nothing was fitted."""
     diagnosis = result.diagnosis
     made.heading("Error on data that no fit has seen")
-    first = diagnosis.validation.first
+    judged = diagnosis.validation.judged
     for output, y in _measured(diagnosis.validation.data).measured.items():
         rows = []
         for shown in models:
-            misses = y[first:] - simulated[shown.label][output][first:]
-            share = 100.0 * normalised_rms(y[first:], simulated[shown.label][output][first:])
+            values = simulated[shown.label][output]
+            misses = (y - values)[judged]
+            share = 100.0 * normalised_rms(y[judged], values[judged])
             size = typography.pretty(shown_difference(rms(misses), result.model.outputs[output], 3))
             percent = f"{share:.3g} %" if share < 100.0 else f"{share:.0f} %"
             text = Markup(f"{percent} · {size}") if np.isfinite(share) else size
@@ -102,7 +104,8 @@ def curves(made: Page, result: Result, models: Sequence[ShownModel], simulated: 
     """Measured and simulated over time, and what is between them."""
     diagnosis, model = result.diagnosis, result.model
     validation = diagnosis.validation
-    if result.holdout is None:
+    several = bool(diagnosis.estimation.several or validation.data.several)
+    if result.holdout is None and not validation.data.several:
         made.heading("The record and the model")
         if validation.first == 0:
             made.parts.append(elements.aside("Only samples that were held out are shown."))
@@ -116,16 +119,17 @@ def curves(made: Page, result: Result, models: Sequence[ShownModel], simulated: 
             )
         )
         return
-    made.heading("The record held out")
-    made.parts.append(elements.aside(result.holdout.source.name))
-    parts = (validation.first, "start fitted", "judged")
+    made.heading("The records held out" if several else "The record held out")
+    made.parts.append(elements.aside(file_names(result.holdouts or result.records)))
+    parts = None if validation.data.several else (validation.first, "start fitted", "judged")
     made.plot(*figures.over_time(model, _measured(validation.data), models, simulated, parts))
-    made.heading("The record fitted to")
-    made.parts.append(elements.aside(result.record.source.name))
+    made.heading("The records fitted to" if several else "The record fitted to")
+    made.parts.append(elements.aside(result.files))
     data = _measured(diagnosis.estimation)
 
     def over(e: FittedCandidate) -> dict[str, Array]:
-        signals = e.problem.model.run(data.time, data.inputs, e.problem.start | e.fit.values).signals
+        values = e.problem.start | e.fit.values
+        signals = e.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
         return {output: signals[output] for output in data.measured}
 
     made.plot(*figures.over_time(model, data, *_simulated(models, over), None))
@@ -134,7 +138,7 @@ def curves(made: Page, result: Result, models: Sequence[ShownModel], simulated: 
 def parameters(made: Page, diagnosis: Diagnosis) -> None:
     """Values with intervals beside nominal."""
     best = diagnosis.selection.best
-    declared, estimates = best.problem.declared, diagnosis.estimates
+    declared, estimates = diagnosis.final.problem.declared, diagnosis.estimates
     owner = {name: label(effect) for effect in best.candidate.effects for name in effect.declared}
     starts = [name for name in estimates if declared[name].starts]
     scale = elements.Scale.of([e for name, e in estimates.items() if name not in owner and name not in starts])
@@ -150,16 +154,26 @@ def parameters(made: Page, diagnosis: Diagnosis) -> None:
             note = f"without {owner[name]}" if e.nominal == declared[name].start else ""
         drawn = "" if name in owner else scale.drawn(e, name in diagnosis.changed)
         rows.append(
-            [elements.two(name, declared[name].doc), elements.two(value, interval), elements.two(nominal, note), drawn]
+            [
+                elements.two(shown_name(name), declared[name].doc),
+                elements.two(value, interval),
+                elements.two(nominal, note),
+                drawn,
+            ]
         )
     made.heading("Parameters")
     made.table(["parameter", "value (95 %)", "nominal", scale.title], rows)
     marked = "Marked are those that surely and noticeably differ from nominal." if diagnosis.changed else ""
     made.parts.append(elements.aside(f"Of {best.candidate.cls.name}, fitted. {marked}"))
     if starts:
-        values = [(declared[name].starts, *typography.estimate(estimates[name], declared[name])) for name in starts]
+        values = [(_state(name, declared), *typography.estimate(estimates[name], declared[name])) for name in starts]
         texts = [f"{escaped(name)} {value} ({interval})" for name, value, interval, _ in values]
         made.text(Markup(f"Where the states start: {'; '.join(texts)}."))
+
+
+def _state(name: str, declared: Mapping[str, Any]) -> str:
+    """Name of the state that a parameter is the start value of, with the run that starts there."""
+    return shown_name(name.replace(base_name(name), declared[name].starts, 1))
 
 
 def residuals(made: Page, result: Result) -> None:
@@ -184,7 +198,7 @@ def residuals(made: Page, result: Result) -> None:
         texts += [line[:1].upper() + line[1:] + "." for line in dependences]
         made.parts.append(f"<h3>{escaped(output)}</h3>")
         made.items(texts)
-        if not evenly_sampled(diagnosis.estimation.time):
+        if not diagnosis.estimation.even:
             made.text("Sampling is uneven, so there is no spectrum and no autocorrelation to show.")
             continue
         unit, lines = (signal.unit, unit_of_differences(signal)), [line.frequency for line in analysis.lines[:_LISTED]]

@@ -7,6 +7,7 @@ from typing import Any
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.report.run_errors import run_errors
 from orchestration.discrepancy.validation.side_by_side import Errors
 from orchestration.identify.metrics import number
 
@@ -56,6 +57,8 @@ def summary(result: Result) -> dict[str, Any]:
             for output, analysis in diagnosis.residuals.items()
         },
     }
+    if runs := run_errors(result):
+        figures["runs"] = [run.to_dict() for run in runs]
     return figures | ({"experiment": result.experiment.as_json()} if result.experiment else {})
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -10,6 +12,8 @@ from fmus.kit.units import shown
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.report.run_errors import RunError, run_errors
+from orchestration.records.joined import shown_name
 from orchestration.reporting.console import plain_table
 
 MODELS = {"untouched": "untouched", "least_squares": "least squares", "refitted": "refitted", "extended": "extended"}
@@ -26,6 +30,8 @@ def overview(result: Result) -> Group:
         Text(),
     ]
     parts += [_errors(diagnosis), Text()]
+    if runs := run_errors(result):
+        parts += [_runs(runs), Text()]
     if diagnosis.selection.steps or diagnosis.selection.rejected:
         parts += [_evidence(diagnosis), Text()]
     parts.append(_parameters(diagnosis))
@@ -46,9 +52,18 @@ def _errors(diagnosis: Diagnosis) -> Table:
     return rows
 
 
+def _runs(runs: Sequence[RunError]) -> Table:
+    """How far off the best model is in every record."""
+    rows = plain_table("error by record, rms over the spread of the signal", "record", "", "output", "error")
+    for run in runs:
+        for output, error in run.nrmse.items():
+            rows.add_row(run.label, "held out" if run.held_out else "fitted", output, f"{error:.4g}")
+    return rows
+
+
 def _changes(diagnosis: Diagnosis) -> list[str]:
     """By how much parameters differ from nominal."""
-    declared, lines = diagnosis.selection.best.problem.declared, []
+    declared, lines = diagnosis.final.problem.declared, []
     for name in diagnosis.changed:
         e, p = diagnosis.estimates[name], declared[name]
         times = f", times {e.value / e.nominal:.3g}" if e.nominal else ""
@@ -69,10 +84,10 @@ def _evidence(diagnosis: Diagnosis) -> Table:
 
 
 def _parameters(diagnosis: Diagnosis) -> Table:
-    declared = diagnosis.selection.best.problem.declared
+    declared = diagnosis.final.problem.declared
     rows = plain_table("parameters", "name", "value", "95 % interval", "nominal")
     for name, e in diagnosis.estimates.items():
         p = declared[name]
         interval = " … ".join(shown(end, p) for end in e.interval)
-        rows.add_row(name, shown(e.value, p), interval, shown(e.nominal, p))
+        rows.add_row(shown_name(name), shown(e.value, p), interval, shown(e.nominal, p))
     return rows

@@ -68,7 +68,7 @@ def details(diagnosis: Diagnosis) -> list[Markup]:
             lines.append(Markup(f"<b>{escaped(alternative.effect_name)}</b>: {does(alternative.effect)}"))
     if diagnosis.verdict is Verdict.RECALIBRATE:
         for name in diagnosis.changed:
-            e, declared = diagnosis.estimates[name], diagnosis.selection.best.problem.declared[name]
+            e, declared = diagnosis.estimates[name], diagnosis.final.problem.declared[name]
             value, _, nominal = estimate(e, declared)
             more = f" ({change(e)})" if e.nominal else ""
             text = f"<b>{escaped(name)}</b>: {value} instead of {nominal}{more}; {escaped(declared.doc)}"

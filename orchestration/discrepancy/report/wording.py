@@ -119,7 +119,9 @@ def headline(result: Result) -> str:
     if result.diagnosis.verdict is not Verdict.UNEXPLAINED:  # of which it is the reason
         told += [note for note in result.notes if note.code is NoteCode.IMPLAUSIBLE]
     sentences = (message(note) for note in told)
-    return " ".join([sentence(result.diagnosis), *(f"{text[:1].upper()}{text[1:]}." for text in sentences)])
+    # one that begins with the name of a file or a parameter keeps it as it is
+    said = (f"T{text[1:]}." if text.startswith("the ") else f"{text}." for text in sentences)
+    return " ".join([sentence(result.diagnosis), *said])
 
 
 def _causes(diagnosis: Diagnosis) -> str:

@@ -56,7 +56,7 @@ class CrossCorrelation:
 
 def cross_correlations(
     output: str, residual: Array, present: NDArray[np.bool_], noise: Noise, signals: Sequence[Regressor],
-    step: float, lags: int = LAGS,
+    step: float, lags: int = LAGS, within: NDArray[np.bool_] | None = None,
 ) -> list[CrossCorrelation]:  # fmt: skip
     """Correlate the innovations of an output with signals.
 
@@ -73,6 +73,8 @@ def cross_correlations(
         Seconds between samples.
     lags : int
         Samples that are looked at, either way.
+    within : ndarray of bool, shape (n,), optional
+        Samples of the runs that the record is made of; all of them unless given.
 
     Returns
     -------
@@ -80,22 +82,22 @@ def cross_correlations(
         The strongest first.
     """
     n, kept = present.size, np.flatnonzero(present)
+    within = np.ones(n, dtype=bool) if within is None else within
     max_lag = min(lags, n // 20)
     if kept.size < FEWEST or max_lag < 1:
         return []
-    everywhere = np.ones(n, dtype=bool)
     innovation, seen = np.zeros(n), np.zeros(n)
     innovation[kept], seen[kept] = noise.whiten(residual, present), 1.0
     power = float(innovation @ innovation) / kept.size
     shifts = np.arange(-max_lag, max_lag + 1)
     result = []
     for signal in signals:
-        white = noise.whiten(signal.values, everywhere)
-        white = white - white.mean()
+        filtered, white = noise.whiten(signal.values[within], within), np.zeros(n)
+        white[within] = filtered - filtered.mean()
         # sums over the samples at which there are both, for every shift
         together = np.array([_overlap(innovation, white, int(k)) for k in shifts])
         energy = np.array([_overlap(seen, white**2, int(k)) for k in shifts])
-        pairs = np.maximum(np.array([_overlap(seen, everywhere.astype(float), int(k)) for k in shifts]), 1.0)
+        pairs = np.maximum(np.array([_overlap(seen, within.astype(float), int(k)) for k in shifts]), 1.0)
         size = np.sqrt(power * energy)
         score = np.divide(together, size, out=np.zeros(size.size), where=size > 0.0)  # normal where there is nothing
         at = int(np.argmax(np.abs(score)))

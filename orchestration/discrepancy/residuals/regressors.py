@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.records.joined import joined
 
 Array = NDArray[np.float64]
 _CONSTANT = 1e-9  # of a signal's size; what varies less does not vary
@@ -53,10 +54,21 @@ class Regressor:
 def regressors_of(model: FittedCandidate, data: Dataset) -> list[Regressor]:
     """Signals of a fitted model over a record: its inputs, its states and how fast its outputs move."""
     layout = model.candidate.cls.layout
-    run = model.problem.model.run(data.time, data.inputs, model.problem.start | model.fit.values).signals
-    states, outputs = ({v.name: run[v.name] for v in group} for group in (layout.states, layout.outputs))
     units = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.outputs)}
-    return regressors(data.time, data.inputs, states, outputs, units)
+    values = model.problem.start | model.fit.values
+    simulated = model.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
+    each = []
+    for run in data.runs:  # rates and integrals are of one run: what was before it tells nothing of it
+        states, outputs = (
+            {v.name: simulated[v.name][run.samples] for v in group} for group in (layout.states, layout.outputs)
+        )
+        inputs = {name: values[run.samples] for name, values in data.inputs.items()}
+        each.append(_all(data.time[run.samples] - run.ahead, inputs, states, outputs, units))
+    whole = [
+        replace(parts[0], values=joined(len(data.time), data.runs, [part.values for part in parts]))
+        for parts in zip(*each, strict=True)
+    ]
+    return _varying(whole)
 
 
 def regressors(
@@ -80,6 +92,13 @@ def regressors(
         Inputs, the integrals of their moduli, states, their squares and rates, the moduli of the rates of outputs, and
         time; without those that do not vary.
     """
+    return _varying(_all(time, inputs, states, outputs, units))
+
+
+def _all(
+    time: Array, inputs: Mapping[str, Array], states: Mapping[str, Array], outputs: Mapping[str, Array],
+    units: Mapping[str, str],
+) -> list[Regressor]:  # fmt: skip
     result = []
     for name, values in inputs.items():
         through = np.concatenate([[0.0], np.cumsum(np.abs(values[:-1]) * np.diff(time))])
@@ -98,7 +117,11 @@ def regressors(
         speed = np.abs(np.gradient(values, time))
         result.append(Regressor(name, speed, _times(units[name], "1/s"), RegressorKind.SPEED))
     result.append(Regressor("time", time, "s"))
-    return [s for s in result if np.ptp(s.values) > _CONSTANT * np.max(np.abs(s.values))]
+    return result
+
+
+def _varying(signals: Sequence[Regressor]) -> list[Regressor]:
+    return [s for s in signals if np.ptp(s.values) > _CONSTANT * np.max(np.abs(s.values))]
 
 
 def _times(unit: str, by: str) -> str:

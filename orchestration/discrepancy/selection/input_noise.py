@@ -81,7 +81,7 @@ def smoothed(values: Array, noise: float, passes: int = 1) -> Array:
 def simulated(search: Search, model: FittedCandidate, data: Dataset) -> dict[str, Array]:
     """Outputs (n,) of a fitted model over data with other inputs, or with inputs that go otherwise between samples."""
     problem = replace(search, data=data).problem(model.candidate, model.problem.names, search.fixed)
-    return problem.model.run(data.time, data.inputs, problem.start | model.fit.values).signals
+    return problem.model.run(data.time, data.inputs, problem.start | model.fit.values, runs=data.runs).signals
 
 
 def noisier(data: Dataset, noise: Mapping[str, float], seed: int) -> Dataset:

@@ -64,6 +64,7 @@ def by_course(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
     real = {v.name for v in cls.layout.inputs if v.type == "real"}
     chosen = {}
     for name, values in data.inputs.items():
+        values = max((values[run.samples] for run in data.runs), key=lambda part: np.count_nonzero(np.diff(part)))
         kind = course(values) if name in real else Course.STEPS
         if kind is not Course.STILL:
             basis = Basis.DEFAULT if kind is Course.UNCLEAR else Basis.COURSE

@@ -1,4 +1,4 @@
-"""Candidates fitted to one record: the model without effects, and with one more effect laid over it."""
+"""Candidates fitted to the estimation data: the model without effects, and with one more effect laid over it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from orchestration.identify.noise import Noise
 from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, pooled_error, starting_points
+from orchestration.records.joined import base_name, names_in
 
 Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more
@@ -32,7 +33,7 @@ _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit s
 
 @dataclass
 class Search:
-    """Fits of candidates to one record.
+    """Fits of candidates to one record, or to several with one set of parameters.
 
     Attributes
     ----------
@@ -47,6 +48,8 @@ class Search:
         Time that the search may take.
     not_assessed : dict of str to Note
         Effects of which the record says nothing, or that could not be simulated over it.
+    each : sequence of str
+        Parameters that differ from run to run. Where states start does so anyway.
     farthest : float
         Pooled error of the free run that no candidate may pass; known once the nominal model was fitted.
     """
@@ -58,6 +61,7 @@ class Search:
     progress: Callable[[str], None] = lambda text: None
     budget: Budget = field(default_factory=Budget)
     not_assessed: dict[str, Note] = field(default_factory=dict)
+    each: Sequence[str] = ()
     farthest: float = np.inf
 
     def nominal(self) -> FittedCandidate:
@@ -121,7 +125,11 @@ class Search:
     def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""
         data = self.data
-        made = Problem(candidate.cls, data.time, data.inputs, data.measured, names, fixed, data.linear or ())
+        starts = (p.name for p in candidate.cls.layout.parameters if p.starts)
+        searched = names_in(data.runs, names, [*self.each, *starts])
+        made = Problem(
+            candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
+        )
         made.out_of_time = self.budget.spent
         return made
 
@@ -130,8 +138,9 @@ class Search:
 
     def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
         problem = self._problem(candidate)
+        q = problem.position(problem.start | dict(start))
         try:
-            return FittedCandidate(candidate, problem, self._fit(problem, problem.position(start), fitted.fit.noise))
+            return FittedCandidate(candidate, problem, self._fit(problem, q, fitted.fit.noise))
         except FAILURES:
             return fitted
 
@@ -144,4 +153,4 @@ class Search:
 
     def _physical(self, problem: Problem) -> NDArray[np.bool_]:
         """Which of the searched parameters have a prior."""
-        return np.array([n in self.parameters and not problem.declared[n].starts for n in problem.names])
+        return np.array([base_name(n) in self.parameters and not problem.declared[n].starts for n in problem.names])

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.estimate import Estimate, significantly_different
+from orchestration.records.joined import base_name
 
 Array = NDArray[np.float64]
 _IMPLAUSIBLE = 30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
@@ -38,6 +39,6 @@ def significantly_changed(model: FittedCandidate, parameters: Sequence[str], mor
 
 
 def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
-    """Of some parameters, those that no specimen can have, with their ratios to nominal."""
-    ratios = {n: values[n].value / values[n].nominal for n in parameters if values[n].nominal}
+    """Of some parameters, those that no specimen can have, with their ratios to nominal; in any run."""
+    ratios = {n: e.value / e.nominal for n, e in values.items() if base_name(n) in parameters and e.nominal}
     return {n: x for n, x in ratios.items() if x > 0.0 and not 1.0 / _IMPLAUSIBLE < x < _IMPLAUSIBLE}

@@ -15,6 +15,7 @@ from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.identify.levenberg_marquardt import minimise
 from orchestration.identify.noise import Noise
 from orchestration.identify.problem import Problem
+from orchestration.records.joined import base_name, names_in
 
 Array = NDArray[np.float64]
 
@@ -43,18 +44,21 @@ class Prediction:
 def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
     """Parameters with which a fitted model is simulated over validation data, start values included, SI.
 
-    In a record of its own the start values are estimated on the samples before those that are judged.
+    In records of their own, what is each record's own is estimated on the samples before those that are judged: where
+    states start, and parameters that differ from record to record.
     """
     values = model.problem.start | model.fit.values
     if validation.continued:
         return values
-    layout, before = model.candidate.cls.layout, validation.data.part(0, validation.first)
+    layout, before = model.candidate.cls.layout, validation.run_in
     starts = [layout.start_of[state.name] for state in layout.states]
-    if not starts:
+    own = [*dict.fromkeys([*starts, *(base_name(n) for n in model.problem.names if base_name(n) != n)])]
+    if not own:
         return values
     problem = Problem(
-        model.candidate.cls, before.time, before.inputs, before.measured, starts, values, before.linear or ()
-    )
+        model.candidate.cls, before.time, before.inputs, before.measured, names_in(before.runs, own, own), values,
+        before.linear or (), runs=before.several,
+    )  # fmt: skip
     low, high = problem.bounds()
 
     def weighted(which: int, q: Array) -> Array:
@@ -74,7 +78,7 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
         If the simulation fails.
     """
     problem, data = model.problem, validation.data
-    ran = problem.model.run(data.time, data.inputs, parameters_on(validation, model))
+    ran = problem.model.run(data.time, data.inputs, parameters_on(validation, model), runs=data.runs)
     by = np.array([scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)])
     signals = {o: ran.signals[o] for o in data.measured}
     return Prediction(model, signals, {o: ran.sensitivities[o] * by for o in signals}, validation.nrmse(signals))
@@ -91,8 +95,7 @@ def judged_innovations(
     declared = prediction.model.problem.declared
     granted = np.array([validation.continued or not declared[n].starts for n in prediction.model.problem.names])
     for output, y in validation.data.measured.items():
-        present = np.isfinite(y)
-        present[: validation.first] = False
+        present = np.isfinite(y) & validation.judged
         residuals.append(noise[output].whiten((y - prediction.simulated[output])[present], present))
         slopes.append(noise[output].whiten(-prediction.sensitivities[output][present] * granted, present))
     return np.concatenate(residuals), np.concatenate(slopes)

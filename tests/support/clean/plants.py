@@ -57,6 +57,7 @@ class Plant:
     loops: ClassVar[Mapping[str, Loop]] = {}
     settings: ClassVar[Mapping[str, float]] = {}  # of the model, where its defaults are not what is wanted
     starts: ClassVar[Mapping[str, float]] = {}  # of states that do not rest at zero
+    continuous: ClassVar[tuple[str, ...]] = ()  # inputs that are never held, since nothing commands them
     slight: ClassVar[Mapping[str, float]] = {}  # parameters that vary less than others
     spread: float = field(default=0.3)
 
@@ -95,6 +96,10 @@ class Plant:
     def shown(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Not needed of a linear plant."""
         raise NotImplementedError
+
+    def drawn(self, p: Values) -> Matrices | None:
+        """A, B, C, D with what the plant is clamped to, which acts at once and not from sample to sample."""
+        return self.matrices(p)
 
     def reaction(self, p: Values, u: Array, x: Array) -> Array | None:
         """Inputs that the states of the plant cause by way of what it is clamped to; None if there is none such."""
@@ -185,17 +190,21 @@ class Galvanostat(Plant):
         return np.array([u[0], 2.0 * x[0]])
 
 
+_SAMPLE = 300.0, 1.0  # N/m and N*s/m of what the coil pulls on
+
+
 class VoiceCoil(Plant):
-    """A coil pulls a mass on a damped slide against a spring, whose tension is recorded; the loop is open."""
+    """A coil pulls a heavy mass on a damped slide against a spring, whose tension is recorded; the loop is open."""
 
     model = "voice_coil_dma"
-    nominal = {"R": 3.0, "L": 1e-3, "K": 3.9, "m": 0.03, "b_vc": 6.0, "position_cutoff": 100.0}
+    nominal = {"R": 3.0, "L": 1e-3, "K": 3.9, "m": 0.3, "b_vc": 6.0, "position_cutoff": 100.0}
     states = ("coil_current", "position", "velocity", "position_filtered")
     inputs = {"force_reference": Range("N", 2.6, 1.9), "tension": Range("N", 0.0, 0.0)}
     outputs = {"coil_current": "A", "position_measured": "m"}
-    settings = {"controller_on": 0.0}
-    rate, duration, period = 500.0, 6.0, 0.04
-    timings = ("usual", "one minute")
+    settings = {"controller_on": 0.0, "m": 0.3}
+    continuous = ("tension",)
+    rate, duration, period = 500.0, 8.0, 0.1
+    timings = ("usual",)
 
     def matrices(self, p: Values) -> Matrices:
         """Coil, slide and first-order filter."""
@@ -209,9 +218,15 @@ class VoiceCoil(Plant):
         b = np.array([[1.0 / p["L"], 0.0], [0.0, 0.0], [0.0, -1.0 / p["m"]], [0.0, 0.0]])
         return a, b, np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]), np.zeros((2, 2))
 
+    def drawn(self, p: Values) -> Matrices:
+        """The tension is a force of position and velocity, and no input."""
+        a, b, c, d = self.matrices(p)
+        a = a + np.outer(b[:, 1], [0.0, *_SAMPLE, 0.0])
+        return a, b * np.array([1.0, 0.0]), c, d
+
     def reaction(self, p: Values, u: Array, x: Array) -> Array:
-        """A sample of 300 N/m and 1 N s/m pulls back."""
-        return np.array([u[0], 300.0 * x[1] + x[2]])
+        """What the load cell shows."""
+        return np.array([u[0], _SAMPLE[0] * x[1] + _SAMPLE[1] * x[2]])
 
 
 class Motor(Plant):

@@ -58,6 +58,11 @@ class CleanRecord:
     regular: dict[str, NDArray[np.bool_]]
     clean: dict[str, Array] = field(repr=False)
 
+    @property
+    def smooth(self) -> Collection[str]:
+        """Inputs that are not held between samples."""
+        return [*self.plant.inputs] if self.case.smooth else self.plant.continuous
+
     def write(self, path: Path) -> Path:
         """Write a file as a data logger does."""
         units = {n: r.unit for n, r in self.plant.inputs.items()} | dict(self.plant.outputs)
@@ -77,7 +82,7 @@ class CleanRecord:
         rest = zip(self.plant.states, self.plant.rest(), strict=True)
         start = np.array([values.get(f"{n}_start", at_rest) for n, at_rest in rest])
         u = np.stack([self.inputs[n] for n in self.plant.inputs])
-        linear = np.array([self.case.smooth if smooth is None else n in smooth for n in self.plant.inputs])
+        linear = np.array([n in (self.smooth if smooth is None else smooth) for n in self.plant.inputs])
         y, _ = simulate(self.plant, own, self.step, u, start, linear, finest)
         return dict(zip(self.plant.outputs, y, strict=True))
 

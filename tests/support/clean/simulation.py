@@ -23,6 +23,9 @@ class Dynamics(Protocol):
     def matrices(self, p: Values) -> Matrices | None:
         """A, B, C, D; None where it is not linear."""
 
+    def drawn(self, p: Values) -> Matrices | None:
+        """The same where records are drawn: with what it is clamped to."""
+
     def static(self, p: Values, u: Array) -> Array:
         """Inputs (m, n) as they act, where something without memory stands before the states."""
 
@@ -97,7 +100,7 @@ def closed_loop(
     plant: Dynamics, p: Values, step: float, u: Array, start: Array, feedback: Feedback, noise: Array
 ) -> tuple[Array, Array, Array]:
     """Inputs (m, n), outputs (o, n) and states (s, n) where each held input may hang on what was measured before."""
-    system, n = plant.matrices(p), u.shape[1]
+    system, n = plant.drawn(p), u.shape[1]
     f, g, _ = transition(*system[:2], step) if system else (None, None, None)
     x, fed = np.array(start, dtype=float), u.copy()
     y, states = np.empty_like(noise), np.empty((x.size, n))

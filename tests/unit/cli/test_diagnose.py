@@ -105,5 +105,5 @@ def test_nothing_is_lost(given, message, tmp_path, monkeypatch):
     Path("link.html").symlink_to("r.csv")
     Path("folder").mkdir()
     with pytest.raises(UserError, match=re.escape(message)):
-        Files(Path("r.csv"), **{key: Path(value) for key, value in given.items()}).check()
-    Files(Path("r.csv"), Path("h.html"), Path("new.json"), Path("new.html")).check()
+        Files([Path("r.csv")], **{k: [v] if k == "holdout" else Path(v) for k, v in given.items()}).check()
+    Files([Path("r.csv")], ["h.html"], Path("new.json"), Path("new.html")).check()

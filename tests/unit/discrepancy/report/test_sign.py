@@ -44,7 +44,7 @@ def jumped(request, tmp_path_factory):
     model = find_model("ppy_actuator")
     record = read_for(model, path)
     diagnosis = diagnose(PpyActuator, dataset(record, model, {}), [])
-    return Result(record, None, model, [], diagnosis, None, None, None, []), time, size
+    return Result([record], [], model, [], diagnosis, None, None, None, []), time, size
 
 
 @pytest.fixture(scope="module")

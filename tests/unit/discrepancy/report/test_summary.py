@@ -13,6 +13,7 @@ from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import Options, diagnose
+from orchestration.discrepancy.report.run_errors import RunError
 from orchestration.discrepancy.report.summary import summary
 from orchestration.discrepancy.report.wording import sentence
 from orchestration.discrepancy.residuals.jumps import ExcessVariance, LevelShift
@@ -60,7 +61,8 @@ def written(result):
         {"current": Stimulus("constant", {})}, 60.0, 0.1, [ExpectedEvidence("a", "b", 20.0)], diagnosis.final
     )
     notes = [Note(NoteCode.NOT_SIMULATED, "slack", {"reason": "too stiff"})]
-    return written_down(replace(result, diagnosis=full, experiment=experiment, notes=notes))
+    figures = written_down(replace(result, diagnosis=full, experiment=experiment, notes=notes))
+    return figures | {"runs": [RunError("a", True, 300, {"voltage": 0.1}).to_dict()]}
 
 
 def test_the_fields_documented_are_those_written(written):

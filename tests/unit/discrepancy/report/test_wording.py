@@ -227,7 +227,7 @@ def not_validated(monkeypatch):
     diagnosis = diagnose(PpyActuator, short_record("strain_saturation"), [SATURATION])
     validation = diagnosis.validation
     exact = predict(validation, diagnosis.selection.base).simulated
-    judged_by = ValidationData(replace(validation.data, measured=exact), validation.first, validation.continued)
+    judged_by = ValidationData(replace(validation.data, measured=exact), validation.judged, validation.continued)
     return validated(diagnosis.selection, judged_by)[2]
 
 

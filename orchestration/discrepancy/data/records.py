@@ -1,0 +1,57 @@
+"""From records to data: inputs and outputs of a model, of one record or of several that are joined."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.fmu.model import Model
+from orchestration.records import Record
+
+
+def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None) -> Dataset:
+    """Inputs and real outputs of a record; inputs that are absent are constant, as given or as they start.
+
+    Parameters
+    ----------
+    record : Record
+    model : Model
+    given : Mapping of str to float
+        Of inputs, SI.
+    interpolate : bool, optional
+        Whether inputs go linearly between samples, or are held; None leaves it to the record.
+    """
+    own = {n: value for n, value in given.items() if n in model.inputs}
+    constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | own
+    inputs = {n: np.full(record.time.size, value) for n, value in constant.items()}
+    inputs |= {n: values for n, values in record.signals.items() if n in model.inputs and n not in own}
+    real = {n for n, signal in model.outputs.items() if signal.type == "real"}
+    measured = {n: values for n, values in record.signals.items() if n in real}
+    return Dataset(record.time, inputs, measured, interpolate)
+
+
+def joined_dataset(
+    records: Mapping[str, Record], model: Model, given: Mapping[str, float], interpolate: bool | None = None
+) -> Dataset:
+    """Return the same of several records, joined; by their labels.
+
+    Parameters
+    ----------
+    records : Mapping of str to Record
+    model, given, interpolate
+        See :func:`dataset`.
+    """
+    return Dataset.joined({label: dataset(record, model, given, interpolate) for label, record in records.items()})
+
+
+def labels(records: Sequence[Record]) -> list[str]:
+    """What each of several records is called: by the label of its run, by its file, by both, or by its number."""
+    files = [record.source.stem for record in records]
+    runs = [record.label for record in records]
+    both = [f"{file}:{run}" if run else file for file, run in zip(files, runs, strict=True)]
+    for names in (runs, files, both):
+        if all(names) and len(set(names)) == len(names):
+            return names
+    return [str(k) for k in range(1, len(records) + 1)]

@@ -1,0 +1,61 @@
+"""How far off the best model is in each of several records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from orchestration.discrepancy.pipeline import Result
+from orchestration.discrepancy.validation.prediction import predict
+from orchestration.identify.metrics import normalised_rms, number
+
+
+@dataclass(frozen=True)
+class RunError:
+    """Errors of the best model in one record.
+
+    Attributes
+    ----------
+    label : str
+    held_out : bool
+    samples : int
+    nrmse : dict of str to float
+        Normalised RMS error of every output; of a record held out, where it is judged.
+    """
+
+    label: str
+    held_out: bool
+    samples: int
+    nrmse: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it ready for JSON."""
+        errors = {output: number(error) for output, error in self.nrmse.items()}
+        return {"record": self.label, "held_out": self.held_out, "samples": self.samples, "nrmse": errors}
+
+
+def run_errors(result: Result) -> list[RunError]:
+    """Errors by record, in the order in which they were given; none where there is one record only."""
+    diagnosis, best = result.diagnosis, result.diagnosis.selection.best
+    estimation, validation = diagnosis.estimation, diagnosis.validation
+    if not (estimation.several or validation.data.several):
+        return []
+    simulated = result.gain.extended if result.gain else predict(validation, best).simulated
+    errors = []
+    for run in estimation.runs:
+        nrmse = {}
+        for output, e in best.fit.residual.items():
+            residual, y = np.full(len(estimation.time), np.nan), estimation.measured[output][run.samples]
+            residual[best.problem.present[output]] = e
+            nrmse[output] = normalised_rms(y, y - np.where(np.isnan(y), 0.0, residual[run.samples]))
+        errors.append(RunError(run.label or result.files, False, run.last - run.first, nrmse))
+    for run in validation.data.runs:
+        judged = validation.judged[run.samples]
+        nrmse = {
+            output: normalised_rms(y[run.samples][judged], simulated[output][run.samples][judged])
+            for output, y in validation.data.measured.items()
+        }
+        errors.append(RunError(run.label, not validation.continued, run.last - run.first, nrmse))
+    return errors

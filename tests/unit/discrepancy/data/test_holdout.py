@@ -1,0 +1,57 @@
+"""Claims: of several records whole ones are held out, and what is judged of them was not fitted to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orchestration.discrepancy.data.holdout import ValidationData
+from tests.support.several import measured, several
+
+
+@pytest.mark.parametrize(("records", "out"), [("ab", "b"), ("abc", "c"), ("abcd", "d"), ("abcdef", "ef")])
+def test_of_several_records_the_last_third_is_held_out(records, out):
+    estimation, validation = ValidationData.split(several(records))
+    assert "".join(run.label for run in estimation.runs) == records.removesuffix(out)
+    assert "".join(run.label for run in validation.data.runs) == out
+    assert not validation.continued
+
+
+def test_what_is_held_out_of_one_record_continues_it():
+    record = measured(0, 1.0)
+    estimation, validation = ValidationData.split(record)
+    assert validation.continued
+    assert validation.judged.sum() + len(estimation.time) == len(record.time)
+    assert validation.first == len(estimation.time)
+
+
+def test_the_first_sixth_of_each_record_held_out_is_not_judged():
+    data = several("ab")
+    validation = ValidationData.separate_record(data)
+    for run in data.runs:
+        judged = validation.judged[run.samples]
+        assert judged.sum() == pytest.approx(5.0 / 6.0 * judged.size, abs=1)
+        assert (np.diff(judged.astype(int)) >= 0).all()
+    assert not validation.judged[~data.within].any()
+    before = validation.run_in
+    assert [run.last - run.first for run in before.runs] == [67, 67]
+    assert np.isfinite(before.measured["voltage"]).all()
+
+
+def test_where_more_than_the_start_is_its_own_it_is_estimated_all_over_the_record():
+    data = several("ab")
+    validation = ValidationData.separate_record(data, each=True)
+    for run in data.runs:
+        judged = validation.judged[run.samples]
+        assert judged.mean() == pytest.approx(5.0 / 6.0, abs=0.02)
+        assert np.count_nonzero(np.diff(judged.astype(int)) > 0) == 10
+    fitted = np.isfinite(validation.run_in.measured["voltage"]).sum()
+    assert fitted + validation.judged.sum() == data.within.sum()
+
+
+def test_errors_are_of_the_samples_that_are_judged():
+    data = several("ab")
+    validation = ValidationData.separate_record(data)
+    wrong = np.where(validation.judged, data.measured["voltage"] + 1.0, 1e3)
+    y = data.measured["voltage"][validation.judged]
+    assert validation.nrmse({"voltage": wrong})["voltage"] == pytest.approx(1.0 / np.std(y))
