@@ -61,23 +61,30 @@ def record(
     kind: str, held: bool, seed: int, duration: float = 120.0, rate: float = 10.0, noise: float = 1.0,
     force: str | None = None, force_held: bool = True, input_noise: float = 0.0,
     restless: float = 0.0,
+    jitter: float = 0.0,
     outputs: tuple[str, ...] = ("voltage", "displacement"),
 ) -> Dataset:  # fmt: skip
     """Measure the actuator driven with a current that is held between samples, or is as it is between them.
 
     The force is 1 N, or a stimulus about it. Noise is in units of `NOISE`; that of the inputs, which the actuator does
     not see, is a share of their range. A restless current that is held has noise that it does see.
+    The clock jitters by so many seconds either way, and says so.
     """
     random = np.random.default_rng([seed, 11])
     coarse = np.arange(round(duration * rate)) / rate
     fine = np.arange((len(coarse) - 1) * _FINE + 1) / (rate * _FINE)
+    early = round(jitter * rate * _FINE)
+    at = np.clip(np.arange(len(coarse)) * _FINE + random.integers(-early, early + 1, len(coarse)), 0, len(fine) - 1)
+    at[0] = 0
 
     def course(kind: str | None, held: bool, seed: int) -> Array:
         if kind is None:
             return np.ones(len(fine)) * 0.0
         values = stimulus(kind, coarse, seed, rate)
         values = values + restless * np.ptp(values) * np.random.default_rng([seed, 13]).standard_normal(len(coarse))
-        return np.repeat(values, _FINE)[: len(fine)] if held else stimulus(kind, fine, seed, rate)
+        return (
+            values[np.searchsorted(at, np.arange(len(fine)), "right") - 1] if held else stimulus(kind, fine, seed, rate)
+        )
 
     drives = [(course(kind, held, seed), held), (1.0 + 0.5 * course(force, force_held, seed + 1), force_held)]
     plant = circuit()
@@ -89,9 +96,9 @@ def record(
         else:
             y += lsim(alone, u, fine)[1]
     measured = {
-        name: y[::_FINE, k] + noise * NOISE[name] * random.standard_normal(len(coarse))
+        name: y[at, k] + noise * NOISE[name] * random.standard_normal(len(coarse))
         for k, name in enumerate(NOISE) if name in outputs
     }  # fmt: skip
-    inputs = {name: u[::_FINE] for name, (u, _) in zip(("current", "force"), drives, strict=True)}
+    inputs = {name: u[at] for name, (u, _) in zip(("current", "force"), drives, strict=True)}
     inputs = {n: u + input_noise * np.ptp(u) * random.standard_normal(len(u)) for n, u in inputs.items()}
-    return Dataset(coarse, inputs, measured)
+    return Dataset(fine[at], inputs, measured)
