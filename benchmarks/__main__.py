@@ -6,13 +6,14 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from . import ageing, building, coupling, diagnosing, importing, machine, master, pacing, record, stepping
+from . import ageing, building, coupling, diagnosing, importing, machine, master, pacing, record, stepping, stiff
 from .tables import Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 TOPICS: dict[str, Callable[[bool], Topic]] = {
     "step": stepping.measure,
     "record": record.measure,
+    "stiff": stiff.measure,
     "ageing": ageing.measure,
     "master": master.measure,
     "coupling": coupling.measure,

@@ -18,6 +18,8 @@ from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.screening import divided, is_excited
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, Structure, analyse_residuals
+from orchestration.discrepancy.residuals.innovations import power
+from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import intersample
 from orchestration.discrepancy.selection.intersample import Intersample
 from orchestration.discrepancy.selection.search import FAILURES, Search
@@ -202,7 +204,7 @@ def diagnose(
         *([] if inconclusive else reservations(final, physical)),
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
-        *_confounders(selection),
+        *_remarks(selection, residuals),
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
         *search.budget.notes,
     ]
@@ -248,6 +250,11 @@ def _gained(predictions: Sequence[Prediction]) -> bool:
     return any(after[o] < before[o] for o in before) and not any(after[o] > DEGRADED * before[o] for o in before)
 
 
+def _remarks(selection: Selection, residuals: Mapping[str, ResidualAnalysis]) -> list[Note]:
+    """What to mind of what was named, and of what is left."""
+    return [*_confounders(selection), *remarks(residuals)]
+
+
 def _confounders(selection: Selection) -> list[Note]:
     """What else may be behind part of what was named."""
     named = {label(effect) for effect in selection.best.candidate.effects}
@@ -271,10 +278,10 @@ def _verdict(
         return Verdict.UNEXPLAINED
     # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
     before, after = selection.base.fit, selection.best.fit
-    noise = {o: n.deviation**2 for o, n in after.noise.items()}
-    excess = {o: np.var(after.residual[o]) - noise[o] for o in residuals}
+    noise = {o: power(after.innovation[o]) * n.deviation**2 for o, n in after.noise.items()}
     small = {
-        o: bool(selection.steps) and excess[o] < TOLERATED_STRUCTURE * (np.var(before.residual[o]) - noise[o])
+        o: bool(selection.steps)
+        and power(after.residual[o]) - noise[o] < TOLERATED_STRUCTURE * (power(before.residual[o]) - noise[o])
         for o in residuals
     }
     left = [o for o, analysis in residuals.items() for s in analysis.structure if (o, type(s)) not in excused]

@@ -22,6 +22,7 @@ class NoteCode(StrEnum):
     DEAD_TOGGLING = "dead_toggling"
     DEAD_TO_THE_END = "dead_to_the_end"
     DEAD_WHILE_DRIVEN = "dead_while_driven"
+    STANDS_STILL = "stands_still"
     OUTLIERS = "outliers"
     QUANTISED = "quantised"
     UNUSABLE = "unusable"
@@ -46,6 +47,10 @@ class NoteCode(StrEnum):
     NOT_VALIDATED = "not_validated"
     INPUT_NOISE_DOES_THE_SAME = "input_noise_does_the_same"
     CONFOUNDED = "confounded"
+    # what is left
+    OUTLYING_RESIDUALS = "outlying_residuals"
+    VARYING_NOISE = "varying_noise"
+    FEEDBACK = "feedback"
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"

@@ -29,6 +29,11 @@ _CURVED = 0.1  # of the curvature that is expected, below which the one observed
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
 
 
+# Fits begun again without the colour of the noise; one or two do where the model can follow the record, and where it
+# cannot, as with a wrong unit, each gains a little and dozens would follow.
+_AGAIN = 4
+
+
 @dataclass(frozen=True)
 class Method:
     """How a fit is made; as it stands, quickly, and to far below what any evidence turns on.
@@ -175,7 +180,9 @@ def fit(
 
     q = np.clip(problem.inside(start), low, high)
     best = iterate(q, noise or white(problem.evaluate(q)[0]))
-    while any(len(n.coefficients) > 1 for n in best.noise.values()):
+    for _ in range(_AGAIN):
+        if not any(len(n.coefficients) > 1 for n in best.noise.values()):
+            break
         # a colour that has swallowed what the model could follow keeps it from following: once more without
         other = iterate(best.q, white(best.residual))
         if best.bic - other.bic < method.settled:

@@ -42,6 +42,13 @@ def test_a_pulse_of_a_cell(public_data, tmp_path, number):
     no_worse(asked)
 
 
+def test_a_cell_at_states_of_charge_that_were_not_fitted(public_data):
+    """One pair of RC, fitted to seven pulses, leaves 0.11 to 0.13 of the pooled spread of three others."""
+    asked = question("cell", public_data, "lfp_cell_ten_pulses.csv", "lfp_cell.py:Cell")
+    said = ppy.diagnose(asked.record, asked.subject, runs="pulse", holdout="7,8,9", each=["ocv"], effects=[])
+    assert said.gain.before["voltage"] <= 0.13
+
+
 def test_a_supercapacitor(public_data):
     no_worse(question("3 A", public_data, "supercapacitor_maxwell_3A.csv", "supercapacitor.py:Supercap"))
 

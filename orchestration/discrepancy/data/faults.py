@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.discrepancy.data.resolution import SAME
 from orchestration.discrepancy.note import NoteCode
 from orchestration.records.channels import runs
 
@@ -19,8 +20,9 @@ _COLOURED = 1.5  # times as long as if noise forgot from sample to sample
 RUN = 5  # equal samples that are looked at
 _CLOSED = 5  # samples between masked ones that are masked too: those that noise spared are no fair sample
 _BESIDE = 3.5  # steps of the recorder that are beside an end
+_JUMP = 2.0  # times the largest change from sample to sample elsewhere: so a sensor comes back
+_SLOW = 0.3  # of the usual change from sample to sample, below which something comes to rest
 _DEAD = 0.05  # share of a record for which an output without noise must stand still to be dead
-SAME = 1e-9  # of the range: what unit conversion may split one value into
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Symptom:
 
     Attributes
     ----------
-    kind : {"clipped", "stuck", "dead", "outlier", "quantised", "unusable", "still", "nothing"}
+    kind : {"clipped", "stuck", "dead", "standing", "outlier", "quantised", "unusable", "still", "nothing"}
     code : NoteCode
     mask : ndarray of bool, shape (n,)
         The samples.
@@ -64,8 +66,8 @@ def faults_in_noise(y: Array, resolution: float, tie_probability: float) -> Iter
     longest = 1.0 + _COLOURED * np.log(_ALARM / n) / np.log(tie_probability)
     frozen = [(a, b) for a, b in equal if b - a >= max(RUN, longest)]
     tail = next(((a, b) for a, b in frozen if b == n and b - a >= _DEAD * n), None)
-    if tail and y[-1] in (low, high) and any(abs(y[a] - y[-1]) <= same for a, _ in frozen[:-1]):
-        tail = None  # one more of those at this end
+    if tail and any(abs(y[a] - y[-1]) <= same for a, _ in frozen[:-1]):
+        tail = None  # one more of those at this level
     if tail:
         mask = np.zeros(n, dtype=bool)
         mask[tail[0] :] = True
@@ -79,11 +81,16 @@ def faults_in_noise(y: Array, resolution: float, tie_probability: float) -> Iter
         if at.sum() > RUN + _BESIDE * beside and (not tail or abs(y[-1] - level) > same):
             yield Symptom("clipped", NoteCode.CLIPPED, _closed(at), {"end": end, "level": level})
             frozen = [(a, b) for a, b in frozen if not at[a]]
-    stuck = np.zeros(n, dtype=bool)
+    stuck, still = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     for a, b in frozen:
-        stuck[a:b] = True
+        # a plant stands where it has stood before; a sensor hangs anywhere
+        again = any(abs(y[other] - y[a]) <= same for other, _ in frozen if other != a)
+        (still if again else stuck)[a:b] = True
     if stuck.any():
         yield Symptom("stuck", NoteCode.STUCK, stuck, {"samples": max(b - a for a, b in runs(stuck))})
+    if still.any():
+        a, b = max(runs(still), key=lambda ends: ends[1] - ends[0])
+        yield Symptom("standing", NoteCode.STANDS_STILL, still, {"level": float(y[a]), "samples": b - a})
 
 
 def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
@@ -114,7 +121,9 @@ def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask])
             mask = np.zeros(n, dtype=bool)
             mask[a:b] = True
             facts = {"level": float(y[a]), "samples": b - a}
-            if b == n:
+            if (a, b) in resting(y, equal):
+                yield Symptom("standing", NoteCode.STANDS_STILL, mask, facts)
+            elif b == n:
                 yield Symptom("dead", NoteCode.DEAD_WHILE_DRIVEN, mask, facts)
             else:
                 yield Symptom("stuck", NoteCode.STUCK_WHILE_DRIVEN, mask, facts)
@@ -132,6 +141,43 @@ def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask])
         if (len(cut) >= 2 and 2 * len(cut) >= len(there)) or long >= 3:
             cuts = {"end": end, "level": level, "times": len(there)}
             yield Symptom("clipped", NoteCode.CLIPPED_REPEATEDLY, _closed(at), cuts)
+
+
+def resting(y: Array, equal: Sequence[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Runs of equal samples at which a plant may stand: in a dead zone, held by dry friction, at a stop.
+
+    A plant comes to rest where it has been at rest before, at an end of its way, or more and more slowly; and it goes
+    on from there. A sensor that hangs or dies stops anywhere, and when it is back, it jumps to where the plant is.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        An output, any unit, without holes.
+    equal : sequence of tuple of int
+        Its runs of equal samples, as :func:`equal_runs` has them.
+
+    Returns
+    -------
+    set of tuple of int
+        Those of them.
+    """
+    change, same = np.abs(np.diff(y)), SAME * float(np.ptp(y))
+    long = [(a, b) for a, b in equal if b - a >= RUN]
+    edges = np.zeros(change.size, dtype=bool)
+    edges[[k for a, b in long for k in (a - 1, b - 1) if 0 <= k < change.size]] = True
+    usual = change[~edges & (change > same)]
+    most, typical = (float(usual.max()), float(np.median(usual))) if usual.size else (0.0, 0.0)
+    found = set()
+    for a, b in long:
+        jumps = [float(change[k]) for k in (a - 1, b - 1) if 0 <= k < change.size]
+        if usual.size and max(jumps, default=0.0) > _JUMP * most:
+            continue
+        again = a == 0 or any(abs(y[s] - y[a]) <= same for s, _ in long if s != a)
+        end = min(y[a] - y.min(), y.max() - y[a]) <= same
+        slowly = a > 0 and float(change[max(a - RUN, 0) : a].mean()) < _SLOW * typical
+        if again or end or slowly:
+            found.add((a, b))
+    return found
 
 
 def equal_runs(y: Array) -> list[tuple[int, int]]:

@@ -18,13 +18,13 @@ from scipy.stats import norm
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.faults import (
     RUN,
-    SAME,
     Symptom,
     any_moved,
     equal_runs,
     faults_in_noise,
     faults_without_noise,
 )
+from orchestration.discrepancy.data.resolution import SAME, resolution_of
 from orchestration.discrepancy.note import Note, NoteCode
 
 Array = NDArray[np.float64]
@@ -34,6 +34,7 @@ _COARSE = 0.4  # share of repeated samples above which the noise is too small fo
 _LEVELS = 4  # different values at which a channel with noise may stand still: both ends, and where a sensor hangs
 _SPIKE = 12.0  # standard deviations by which a single sample must leave its neighbours
 _SPIKES = 0.02  # share of the samples above which they are no outliers
+_EVIDENCE = ("quantised", "standing")  # told, and used all the same
 _USABLE = 0.1  # share of the samples below which an output is not used
 
 
@@ -45,7 +46,7 @@ class DataFault:
     ----------
     channel : str
         Empty if it is about all of them.
-    kind : {"clipped", "stuck", "dead", "outlier", "quantised", "unusable", "still", "nothing"}
+    kind : {"clipped", "stuck", "dead", "standing", "outlier", "quantised", "unusable", "still", "nothing"}
     code : NoteCode
         How it was recognised.
     facts : Mapping of str to Any
@@ -103,7 +104,7 @@ def assess(data: Dataset, simulated: Mapping[str, Array] | None = None) -> tuple
         for symptom in _symptoms(values, moves):
             if symptom.kind in own:
                 continue
-            left_out = symptom.kind != "quantised"
+            left_out = symptom.kind not in _EVIDENCE
             faults.append(_fault(data, name, symptom, values, left_out))
             bad |= symptom.mask if left_out else False
         present = np.isfinite(values)
@@ -152,7 +153,7 @@ def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
         result[where[symptom.mask]] = True
         return replace(symptom, mask=result)
 
-    resolution = _resolution(y)
+    resolution = resolution_of(y)
     dead = _dead_throughout(y, resolution, moved)
     if dead:
         yield whole(dead)
@@ -176,14 +177,6 @@ def _changes(values: Array) -> Mask:
     """Where a channel has another value than one sample before."""
     change = np.abs(np.diff(values, prepend=values[:1]))
     return np.asarray(change > SAME * np.abs(values).max(initial=0.0))
-
-
-def _resolution(y: Array) -> float:
-    """Least step between different values."""
-    spread = float(np.ptp(y))
-    steps = np.diff(np.unique(y))
-    steps = steps[steps > SAME * spread]
-    return float(steps.min()) if len(steps) else 0.0
 
 
 def _on_grid(y: Array, resolution: float) -> bool:

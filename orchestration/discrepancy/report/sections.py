@@ -194,6 +194,7 @@ def residuals(made: Page, result: Result) -> None:
         for what, many in (("lines", len(analysis.lines)), ("jumps", len(analysis.level_shifts))):
             texts += [f"{many - _LISTED} more {what}."] if many > _LISTED else []
         dependences = [wording.correlation(c) for c in analysis.correlations if c.significant][:_LISTED]
+        dependences += [wording.mean(m) for m in analysis.means if m.significant][:_LISTED]
         dependences += [wording.region(r) for r in analysis.regions if r.significant][:_LISTED]
         texts += [line[:1].upper() + line[1:] + "." for line in dependences]
         made.parts.append(f"<h3>{escaped(output)}</h3>")

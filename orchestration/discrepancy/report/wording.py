@@ -12,8 +12,9 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.residuals.analysis import Structure
+from orchestration.discrepancy.residuals.conditional_mean import ConditionalMean
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
-from orchestration.discrepancy.residuals.jumps import ExcessVariance
+from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest
 from orchestration.discrepancy.selection.stepwise import ACCEPT
@@ -42,6 +43,9 @@ _NOTES = {
         "only toggles between neighbouring steps of {resolution:.4g} whatever the inputs do: it is not used",
     NoteCode.DEAD_TO_THE_END: "stands still at {level:.6g} to the end: a dead sensor, {share} of the samples",
     NoteCode.DEAD_WHILE_DRIVEN: "stands still at {level:.6g} to the end while inputs move, {share} of the samples",
+    NoteCode.STANDS_STILL:
+        "stands still at {level:.6g} for up to {samples} samples in a row while inputs move, {share} of the samples: "
+        "kept, as what a dead zone, dry friction or a stop does",
     NoteCode.OUTLIERS: "{count} single samples far from their neighbours",
     NoteCode.QUANTISED: "steps of {resolution:.4g}, coarser than its noise: nothing finer can be judged",
     NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
@@ -76,6 +80,14 @@ _NOTES = {
     NoteCode.INPUT_NOISE_DOES_THE_SAME:
         "not claimed: noise on {inputs} makes as much evidence by itself (BIC falls by {gain:.3g})",
     NoteCode.CONFOUNDED: "much of what it does, others would do: {shares}",
+    NoteCode.OUTLYING_RESIDUALS:
+        "{count} samples, {share}, lie far from what is fitted and from all others: no verdict rests on them",
+    NoteCode.VARYING_NOISE:
+        "its noise is not of one level, {ratio:.1f} times as large in some range of {signal} as elsewhere: that alone "
+        "is no fault of the model",
+    NoteCode.FEEDBACK:
+        "{input} follows it (correlation {strength:+.2f}, {lag:.3g} s later): the loop is closed. What comes after is "
+        "not held against the model, but estimates may be biased where the noise has a colour that is not its model's",
     NoteCode.UNDETERMINED:
         "the record does not determine {names}: hold what you know (--hold NAME), or move or record what tells of it",
     NoteCode.DETERMINED_TOGETHER:
@@ -191,17 +203,26 @@ def structure(item: Structure, output: str) -> str:
         return f"{output} wanders slowly"
     if isinstance(item, ExcessVariance):
         return f"{output} is worse where an input steps"
-    return region(item) if isinstance(item, OperatingRegion) else correlation(item)
+    return mean(item) if isinstance(item, ConditionalMean) else correlation(item)
 
 
 def region(item: OperatingRegion) -> str:
     """Where a residual is larger than elsewhere."""
+    return f"{item.output} is {item.rms_ratio:.1f}× worse where {_where(item)}"
+
+
+def mean(item: ConditionalMean) -> str:
+    """Where the mean of a residual is furthest from zero."""
+    return f"the residual of {item.output} is {item.bias:+.2f} of its RMS on average where {_where(item)}"
+
+
+def _where(item: OperatingRegion | ConditionalMean) -> str:
+    """In which range of a signal."""
     unit = "" if item.unit == "1" else f" {item.unit}"
     low, high = (f"{end:.3g}{unit}" for end in (item.low, item.high))
-    where = f"is above {low}" if math.isinf(item.high) else f"is below {high}"
     if math.isfinite(item.low) and math.isfinite(item.high):
-        where = f"is between {low} and {high}"
-    return f"{item.output} is {item.rms_ratio:.1f}× worse where {item.signal} {where}"
+        return f"{item.signal} is between {low} and {high}"
+    return f"{item.signal} is above {low}" if math.isinf(item.high) else f"{item.signal} is below {high}"
 
 
 def most_telling(regions: list[OperatingRegion]) -> list[str]:

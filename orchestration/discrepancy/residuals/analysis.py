@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.residuals.correlation import CrossCorrelation, cross_correlations
-from orchestration.discrepancy.residuals.jumps import (
-    ExcessVariance,
-    LevelShift,
-    excess_variance_at_input_steps,
-    level_shifts,
-)
+from orchestration.discrepancy.data.resolution import resolution_of
+from orchestration.discrepancy.residuals.conditional_mean import ConditionalMean, conditional_means
+from orchestration.discrepancy.residuals.correlation import CrossCorrelation, Feedback, cross_correlations
+from orchestration.discrepancy.residuals.excess_variance import ExcessVariance, excess_variance_at_input_steps
+from orchestration.discrepancy.residuals.innovations import innovations_of, local_level
+from orchestration.discrepancy.residuals.jumps import LevelShift, level_shifts
 from orchestration.discrepancy.residuals.lines import SpectralLine, spectral_lines
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion, operating_regions
+from orchestration.discrepancy.residuals.outliers import outlying, without
+from orchestration.discrepancy.residuals.quantisation import systematic_error
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest, random_walk_test
 from orchestration.discrepancy.residuals.regressors import Regressor, regressors_of
 from orchestration.identify.metrics import Whiteness, whiteness
-from orchestration.identify.noise import segments
+from orchestration.identify.noise import ORDER, Noise, estimate, segments
 
 Array = NDArray[np.float64]
 ALPHA = 1e-4  # probability of what counts as structure of a residual
-Structure = RandomWalkTest | ExcessVariance | OperatingRegion | CrossCorrelation
+Structure = RandomWalkTest | ExcessVariance | ConditionalMean | CrossCorrelation
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,15 @@ class ResidualAnalysis:
     correlations : list of CrossCorrelation
         The strongest first.
     even : bool
-        Whether samples are equally spaced; else only operating regions can be told.
+        Whether samples are equally spaced; else only operating regions and means in them can be told.
+    means : list of ConditionalMean
+        The most telling first.
+    feedback : list of Feedback
+        Inputs that follow what was measured, the strongest first.
+    samples, outliers : int
+        Samples that were judged, and how many of them lie far from all others.
+    rounding : float
+        Largest mean error that the steps of a converter can leave, in the unit of the output: less is no structure.
     """
 
     lines: list[SpectralLine]
@@ -56,16 +66,21 @@ class ResidualAnalysis:
     regions: list[OperatingRegion]
     correlations: list[CrossCorrelation]
     even: bool = True
+    means: list[ConditionalMean] = field(default_factory=list)
+    feedback: list[Feedback] = field(default_factory=list)
+    samples: int = 0
+    outliers: int = 0
+    rounding: float = 0.0
 
     @property
     def structure(self) -> list[Structure]:
         """What cannot be noise, beside lines and level shifts, the most telling first."""
-        regions = [region for region in self.regions if region.p_value < ALPHA]
+        means = [m for m in self.means if m.significant and abs(m.mean) > self.rounding]
         if not self.even:
-            return [*regions]
-        walk = [self.random_walk] if self.random_walk.significant else []
-        steps = [self.input_steps] if self.input_steps.p_value < ALPHA else []
-        return [*walk, *steps, *regions, *(c for c in self.correlations if c.p_value < ALPHA)]
+            return [*means]
+        walk = [self.random_walk] if self.random_walk.significant and self.random_walk.rms > self.rounding else []
+        steps = [self.input_steps] if self.input_steps.significant else []
+        return [*walk, *steps, *means, *(c for c in self.correlations if c.p_value < ALPHA)]
 
 
 def analyse_residuals(model: FittedCandidate, data: Dataset) -> dict[str, ResidualAnalysis]:
@@ -87,25 +102,78 @@ def analyse_residuals(model: FittedCandidate, data: Dataset) -> dict[str, Residu
 
 
 def _analyse(model: FittedCandidate, output: str, data: Dataset, signals: list[Regressor]) -> ResidualAnalysis:
-    residual, innovation, noise = model.fit.residual[output], model.fit.innovation[output], model.fit.noise[output]
-    present, even = model.problem.present[output], model.problem.even
+    residual, noise, even = model.fit.residual[output], model.fit.noise[output], model.problem.even
+    return analyse(output, residual, noise, data, signals, even)
+
+
+def analyse(
+    output: str, residual: Array, noise: Noise, data: Dataset, signals: Sequence[Regressor], even: bool = True
+) -> ResidualAnalysis:
+    """Analyse the residual of one output.
+
+    Parameters
+    ----------
+    output : str
+    residual : ndarray, shape (m,)
+        Measured minus simulated, where it was measured.
+    noise : Noise
+        Of the residual.
+    data : Dataset
+        The record.
+    signals : sequence of Regressor
+        What the residual may depend on.
+    even : bool
+        Whether samples are equally spaced.
+
+    Returns
+    -------
+    ResidualAnalysis
+    """
+    measured = data.measured[output]
+    present = np.isfinite(measured)
+    simulated = np.zeros(measured.size)
+    simulated[present] = measured[present] - residual
+    plain = innovations_of(residual, present, noise, simulated)
+    levelled = residual / local_level(residual, simulated[present])  # colour first and level then, or the other way
+    other = innovations_of(levelled, present, estimate(levelled, present, ORDER if even else 0), simulated)
+    inputs = {name: values[present] for name, values in data.inputs.items()}
+    far = outlying(residual, inputs) if even else np.zeros(residual.size, dtype=bool)
+    if far.any():  # the colour of noise that outliers hide
+        residual = without(residual, far)
+        noise = estimate(residual, present)
+        innovations = innovations_of(residual, present, noise, simulated)
+    else:
+        innovations = plain
+    resolution = resolution_of(measured)
+    rounding = systematic_error(resolution, noise.deviation)
     step = float(np.median(np.diff(data.time)))
     lines: list[SpectralLine] = []
     shifts: list[LevelShift] = []
+    bounded = innovations.bounded(residual, present, noise)
     if even:  # else samples say nothing of frequencies, nor of what is sudden
         a, b = max(segments(present), key=lambda ends: ends[1] - ends[0])
-        lines = spectral_lines(residual[a:b], step, data.measured[output][present][a:b])
-        inputs = {name: values[present] for name, values in data.inputs.items()}
-        shifts = level_shifts(residual, data.time[present], inputs)
+        lines = spectral_lines(bounded[a:b], step, measured[present][a:b], rounding)
+        shifts = level_shifts(residual, data.time[present], inputs, resolution)
+    correlations, feedback = cross_correlations(
+        output, innovations, noise, signals, step, list(data.inputs), within=data.within
+    )
+    gain = float(np.sqrt(1.0 + np.sum(noise.coefficients**2))) / noise.deviation
     return ResidualAnalysis(
         lines,
         shifts,
-        whiteness(innovation),
-        excess_variance_at_input_steps(innovation, np.flatnonzero(present), data.inputs),
-        _random_walk(residual, present, data),
-        operating_regions(output, residual, present, signals),
-        cross_correlations(output, residual, present, noise, signals, step, within=data.within),
+        whiteness(plain.raw),
+        excess_variance_at_input_steps(
+            [plain, other], data.inputs, int(bool(feedback)), gain * resolution / np.sqrt(12.0)
+        ),
+        _random_walk(bounded, present, data),
+        operating_regions(output, residual, present, signals, bool(feedback)),
+        [c for c in correlations if abs(c.strength) * noise.deviation >= rounding],
         even,
+        conditional_means(output, residual, innovations, noise, signals, bool(feedback), data.within),
+        feedback,
+        innovations.at.size,
+        int(far.sum()) + innovations.outliers,
+        rounding,
     )
 
 

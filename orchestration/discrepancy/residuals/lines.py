@@ -40,7 +40,9 @@ class SpectralLine:
     p_value: float
 
 
-def spectral_lines(residual: Array, step: float, output: Array | None = None) -> list[SpectralLine]:
+def spectral_lines(
+    residual: Array, step: float, output: Array | None = None, rounding: float = 0.0
+) -> list[SpectralLine]:
     """Frequencies at which a residual has far more power than about them.
 
     The periodogram of noise is exponentially distributed about its local level, which a running median tells once the
@@ -55,6 +57,8 @@ def spectral_lines(residual: Array, step: float, output: Array | None = None) ->
         Seconds between samples.
     output : ndarray, shape (n,), optional
         As it was measured.
+    rounding : float
+        Largest mean error that a converter can leave; a square wave of that size has a line 4/pi times as large.
 
     Returns
     -------
@@ -74,7 +78,7 @@ def spectral_lines(residual: Array, step: float, output: Array | None = None) ->
     p = np.minimum(1.0, len(power) * np.exp(-ratio))
     frequency = np.fft.rfftfreq(n - 1, step)[EDGE_BINS:-EDGE_BINS]
     amplitude = 2.0 * np.sqrt(power) / np.hanning(n - 1).sum() / flattening_gain(pole, frequency, step)
-    least = np.sqrt(2.0 * _SHARE * np.mean(centred**2))
+    least = max(float(np.sqrt(2.0 * _SHARE * np.mean(centred**2))), 4.0 / np.pi * rounding)
     followed = np.zeros_like(power) if output is None else TRACKING_SHARE**2 * _power(output - output.mean(), pole)
     matters = (p < ALPHA) & (amplitude > least) & (power > maximum_filter(followed, 2 * MAIN_LOBE_BINS + 1))
     peaks = [k for k in np.flatnonzero(matters) if power[k] == power[max(0, k - 3) : k + 4].max()]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import t
 
-from orchestration.discrepancy.residuals.operating_regions import SIGNIFICANCE
+from orchestration.discrepancy.residuals.correlation import SIGNIFICANCE
 from orchestration.discrepancy.residuals.regressors import Regressor
 from orchestration.identify.covariance import covariance
 from orchestration.identify.noise import estimate

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation, cross_correlations
+from orchestration.discrepancy.residuals.innovations import innovations_of
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion, operating_regions
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest, random_walk_test
 from orchestration.discrepancy.residuals.regression import ResidualRegression, regress
@@ -137,6 +138,9 @@ def assess_outputs(simulation: MemberSimulation, values: Mapping[str, float]) ->
     for output, y in isolated.outputs.items():
         present = np.isfinite(y)
         residual = (y - simulated[output])[present]
+        noise = estimate(residual, present)
+        innovations = innovations_of(residual, present, noise, simulated[output])
+        correlations, feedback = cross_correlations(output, innovations, noise, signals, step, list(inputs))
         assessments[output] = OutputAssessment(
             y,
             simulated[output],
@@ -148,7 +152,7 @@ def assess_outputs(simulation: MemberSimulation, values: Mapping[str, float]) ->
             whiteness(residual) if residual.size >= WHITENESS_SAMPLES else None,
             regress(residual, present, plain),
             random_walk_test(residual),
-            cross_correlations(output, residual, present, estimate(residual, present), signals, step),
-            operating_regions(output, residual, present, signals),
+            correlations,
+            operating_regions(output, residual, present, signals, bool(feedback)),
         )
     return assessments

@@ -58,6 +58,7 @@ class Plant:
     settings: ClassVar[Mapping[str, float]] = {}  # of the model, where its defaults are not what is wanted
     starts: ClassVar[Mapping[str, float]] = {}  # of states that do not rest at zero
     continuous: ClassVar[tuple[str, ...]] = ()  # inputs that are never held, since nothing commands them
+    sampled: ClassVar[tuple[str, ...]] = ()  # inputs that the plant holds itself, however they come
     slight: ClassVar[Mapping[str, float]] = {}  # parameters that vary less than others
     spread: float = field(default=0.3)
 
@@ -202,7 +203,7 @@ class VoiceCoil(Plant):
     inputs = {"force_reference": Range("N", 2.6, 1.9), "tension": Range("N", 0.0, 0.0)}
     outputs = {"coil_current": "A", "position_measured": "m"}
     settings = {"controller_on": 0.0, "m": 0.3}
-    continuous = ("tension",)
+    continuous, sampled = ("tension",), ("force_reference",)
     rate, duration, period = 500.0, 8.0, 0.1
     timings = ("usual",)
 

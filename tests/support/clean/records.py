@@ -82,7 +82,8 @@ class CleanRecord:
         rest = zip(self.plant.states, self.plant.rest(), strict=True)
         start = np.array([values.get(f"{n}_start", at_rest) for n, at_rest in rest])
         u = np.stack([self.inputs[n] for n in self.plant.inputs])
-        linear = np.array([n in (self.smooth if smooth is None else smooth) for n in self.plant.inputs])
+        chosen = set(self.smooth if smooth is None else smooth) - set(self.plant.sampled)
+        linear = np.array([n in chosen for n in self.plant.inputs])
         y, _ = simulate(self.plant, own, self.step, u, start, linear, finest)
         return dict(zip(self.plant.outputs, y, strict=True))
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fmus.kit.record.compiled import CompiledModel
 from fmus.ppy_actuator.effects import EFFECTS
@@ -89,6 +90,61 @@ def test_what_a_model_does_itself_is_no_fault():
     data = Dataset(time, inputs, {o.name: shown[o.name] for o in model.layout.outputs})
     assert ("coil_voltage", "clipped") in kinds(assess(data)[1])
     assert assess(data, data.measured)[1] == []
+
+
+# --- what stands still is evidence -----------------------------------------------------------------------------------
+
+
+def driven(response, seed=0):
+    """A plant without noise, read in steps of 0.01, that is driven by steps of many sizes and responds like this."""
+    time = 0.1 * np.arange(3000)
+    pushed = np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, 100), 30)
+    moved = lfilter([0.1], [1.0, -0.9], response(pushed))
+    return Dataset(time, {"u": pushed}, {"y": 0.01 * np.round(moved / 0.01)})
+
+
+@pytest.mark.parametrize(
+    "response",
+    [
+        lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0),
+        lambda u: np.maximum(u, 0.3),
+        lambda u: np.where(np.arange(u.size) < 1500, 0.0, u),
+    ],
+    ids=["dead zone", "stop", "late start"],
+)
+def test_a_plant_that_stands_still_is_used_in_full(response):
+    data = driven(response)
+    usable, faults = assess(data)
+    assert not any(fault.left_out for fault in faults)
+    assert np.array_equal(usable.measured["y"], data.measured["y"])
+
+
+def test_a_plant_at_rest_between_noisy_moves_is_used_in_full():
+    """An encoder shows noise while the shaft turns, and none while it stands."""
+    data = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), 1)
+    speed = data.measured["y"]
+    noisy = np.where(speed == 0.0, 0.0, speed + 0.02 * np.random.default_rng(1).standard_normal(speed.size))
+    usable, faults = assess(changed(data, y=noisy))
+    assert [fault.code for fault in faults if fault.left_out] == []
+    assert np.isfinite(usable.measured["y"]).all()
+
+
+def test_a_motor_with_a_dead_zone_is_used_in_full(public_data):
+    record = read_record(public_data("dc_motor_dead_zone.csv"), {"speed": "rad/s", "voltage": "V"}, inputs=["voltage"])
+    inputs = {"voltage": record.signals["voltage"]}
+    usable, faults = assess(Dataset(record.time, inputs, {"speed": record.signals["speed"]}))
+    assert np.isfinite(usable.measured["speed"]).all()
+    assert NoteCode.STANDS_STILL in {fault.code for fault in faults}
+
+
+def test_a_sensor_without_noise_that_hangs_and_comes_back_is_left_out_there():
+    data = driven(lambda u: u)
+    y = data.measured["y"].copy()
+    y[1000:1400] = y[1000]
+    assert abs(y[1400] - y[1399]) > 0.1
+    usable, faults = assess(changed(data, y=y))
+    assert ("y", "stuck") in kinds(faults)
+    assert np.isnan(usable.measured["y"])[1001:1399].all()
 
 
 # --- faults -----------------------------------------------------------------------------------------------------------

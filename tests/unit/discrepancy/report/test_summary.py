@@ -17,7 +17,8 @@ from orchestration.discrepancy.pipeline import Options, diagnose
 from orchestration.discrepancy.report.run_errors import RunError
 from orchestration.discrepancy.report.summary import summary
 from orchestration.discrepancy.report.wording import sentence
-from orchestration.discrepancy.residuals.jumps import ExcessVariance, LevelShift
+from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
+from orchestration.discrepancy.residuals.jumps import LevelShift
 from orchestration.discrepancy.residuals.lines import SpectralLine
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import find_model

@@ -25,13 +25,16 @@ from orchestration.discrepancy.data.screening import divided, drop_truncated, sc
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import scoring
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.validation.prediction import predict, validated
 from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.fmu.model import find_model
+from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
 from tests.support.intersample_records import record
+from tests.support.noises import Clean, clean, controlled, gaussian, growing_with_size, outliers
 
 Maker = Callable[[pytest.MonkeyPatch], list[Note]]
 SATURATION = EFFECTS["strain_saturation"]
@@ -87,6 +90,15 @@ def stuck(monkeypatch):
     return standing_still(short_record(), "displacement", 500, 700)
 
 
+@makes(NoteCode.STANDS_STILL)
+def stands_still(monkeypatch):
+    """A plant with a dead zone, pushed more and more."""
+    time = 0.1 * np.arange(2000)
+    pushed = time / time[-1] * np.sin(0.3 * time)
+    moved = np.sign(pushed) * np.maximum(np.abs(pushed) - 0.7, 0.0)
+    return faults(Dataset(time, {"u": pushed}, {"y": moved}))
+
+
 @makes(NoteCode.STUCK_WHILE_DRIVEN)
 def stuck_while_driven(monkeypatch):
     return standing_still(wave(), "y", 800, 1000)
@@ -115,7 +127,7 @@ def dead_toggling(monkeypatch):
 
 
 @makes(NoteCode.OUTLIERS)
-def outliers(monkeypatch):
+def far_out(monkeypatch):
     data = short_record()
     moved = np.any([np.convolve(np.diff(u, prepend=u[0]) != 0.0, np.ones(5), "same") for u in data.inputs.values()], 0)
     values = data.measured["displacement"].copy()
@@ -127,6 +139,29 @@ def outliers(monkeypatch):
 def quantised(monkeypatch):
     data = short_record()
     return faults(with_output(data, "voltage", np.round(data.measured["voltage"] / 0.05) * 0.05))
+
+
+# --- what is left -----------------------------------------------------------------------------------------------------
+
+
+def left(clean: Clean) -> list[Note]:
+    """Notes on what a perfect model leaves."""
+    return list(remarks({"y": analysed(clean)}))
+
+
+@makes(NoteCode.OUTLYING_RESIDUALS)
+def outlying_residuals(monkeypatch):
+    return left(clean(0, outliers()))
+
+
+@makes(NoteCode.VARYING_NOISE)
+def varying_noise(monkeypatch):
+    return left(clean(0, growing_with_size()))
+
+
+@makes(NoteCode.FEEDBACK)
+def feedback(monkeypatch):
+    return left(controlled(0, gaussian(), 2.0, 1))
 
 
 # --- how far the data reach -----------------------------------------------------------------------------------------

@@ -10,9 +10,13 @@ from orchestration.discrepancy.residuals.operating_regions import operating_regi
 from tests.support.residuals import COLOURS, EVERY, bench, noise
 
 
+def regions_of(residual, signals, output="y"):
+    return operating_regions(output, residual, EVERY, signals)
+
+
 @COLOURS
 def test_false_alarms_are_as_rare_as_they_say(colour):
-    regions = [operating_regions("y", noise(colour, seed), EVERY, bench(seed)) for seed in range(60)]
+    regions = [regions_of(noise(colour, seed), bench(seed)) for seed in range(60)]
     assert sum(any(r.significant for r in of_one) for of_one in regions) <= 2  # of 60, at 1 %
 
 
@@ -21,7 +25,7 @@ def test_where_a_residual_is_larger_is_told():
     charge = next(s for s in signals if s.name == "charge").values
     edge = np.quantile(charge, 7 / 8)
     residual = noise(0.0, 2) * np.where(charge >= edge, 3.2, 1.0)
-    first = operating_regions("displacement", residual, EVERY, signals)[0]
+    first = regions_of(residual, signals, "displacement")[0]
     assert (first.signal, first.high) == ("charge", np.inf)
     assert first.low == pytest.approx(edge)
     assert first.rms_ratio == pytest.approx(3.2, rel=0.1)
@@ -31,4 +35,4 @@ def test_where_a_residual_is_larger_is_told():
 
 
 def test_a_square_has_the_regions_of_its_signal():
-    assert not any("square" in r.signal for r in operating_regions("y", noise(0.0, 2), EVERY, bench(7)))
+    assert not any("square" in r.signal for r in regions_of(noise(0.0, 2), bench(7)))
