@@ -91,6 +91,17 @@ class Noise:
             return np.ones_like(innovation)
         return np.asarray((self.freedom + 1.0) / (self.freedom + innovation**2))
 
+    def rooted(self, innovation: Array) -> tuple[Array, Array]:
+        """Return what has the deviance of innovations as its square, (m,), and its slope by them, (m,).
+
+        Least squares of it are the likelihood's optimum, with no weights to iterate.
+        """
+        if self.freedom == inf:
+            return innovation, np.ones_like(innovation)
+        root = np.sign(innovation) * np.sqrt((self.freedom + 1.0) * np.log1p(innovation**2 / self.freedom))
+        steepest = np.full_like(root, np.sqrt((self.freedom + 1.0) / self.freedom))  # at zero
+        return root, np.divide(self.weights(innovation) * innovation, root, out=steepest, where=root != 0.0)
+
     def curvature(self, innovation: Array) -> Array:
         """Second derivative of minus the logarithm of the density of every innovation, (m,), at one of its size.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
 from orchestration.identify.levenberg_marquardt import Minimum, minimise, residual_or_none
-from orchestration.identify.noise import Noise, Whitening, estimate, white
+from orchestration.identify.noise import Noise, estimate, white
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
 
@@ -283,13 +283,18 @@ def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> A
 
 def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method) -> Minimum:
     """Fit with noise that is given."""
-    whitened = Whitening.of(noise, problem.evaluate(q)[0], problem.present)
+
+    def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
+        residual = problem.evaluate(q)[0]
+        return {o: n.rooted(n.whiten(residual[o], problem.present[o])) for o, n in noise.items()}
 
     def rows(q: Array) -> Array:
-        return np.concatenate([whitened(problem.evaluate(q)[0]), prior.residual(q)])
+        return np.concatenate([*(root for root, _ in rooted(q).values()), prior.residual(q)])
 
     def slopes(q: Array) -> Array:
-        return np.vstack([whitened(problem.evaluate(q)[1]), prior.jacobian])
+        jacobian = problem.evaluate(q)[1]
+        whitened = {o: n.whiten(jacobian[o], problem.present[o]) for o, n in noise.items()}
+        return np.vstack([*(slope[:, np.newaxis] * whitened[o] for o, (_, slope) in rooted(q).items()), prior.jacobian])
 
     tolerance = method.tolerance / problem.samples
     best = method.minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance)
