@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fmus.kit import Component, files
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
-from orchestration.api.records import Records, held_out
+from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.simulation import values_of
 from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.extended_model import export
@@ -31,6 +32,7 @@ from orchestration.rig import DRIVEN, HIGHEST, LIMITS
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
 class Gain(NamedTuple):
@@ -109,10 +111,13 @@ class DiagnosisResult:
         All that the model was fitted to.
     notes : list of str
         What could not be judged, and why.
+    changes : list of Change or None
+        What changed in a later record, where one was given.
     """
 
-    def __init__(self, result: pipeline.Result):
+    def __init__(self, result: pipeline.Result, changes: Sequence[Change] | None = None):
         self._result = result
+        self.changes: list[Change] | None = None if changes is None else list(changes)
         diagnosis = result.diagnosis
         errors = result.gain or diagnosis
         steps = diagnosis.selection.steps
@@ -135,7 +140,14 @@ class DiagnosisResult:
         return self._result
 
     def __str__(self) -> str:
-        return plain_text(terminal.overview(self._result))
+        return "\n".join(plain_text(part) for part in self.overview())
+
+    def overview(self) -> list[RenderableType]:
+        """What ``ppy diagnose`` prints."""
+        parts: list[RenderableType] = [terminal.overview(self._result)]
+        if self.changes is not None:
+            parts.append(terminal.comparison(self.changes, self._result.diagnosis.selection.best.problem.declared))
+        return parts
 
     def __repr__(self) -> str:
         causes = f" {', '.join(self.causes)}" if self.causes else ""
@@ -146,7 +158,8 @@ class DiagnosisResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
-        return summary(self._result)
+        more = {} if self.changes is None else {"comparison": [change.to_dict() for change in self.changes]}
+        return summary(self._result) | more
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table, a row for each.
@@ -235,6 +248,7 @@ def diagnose(
     model: Model | str = "ppy_actuator",
     *,
     holdout: Records | None = None,
+    compare: Record | str | Path | None = None,
     runs: str | None = None,
     each: Sequence[str] = (),
     effects: Sequence[str] | None = None,
@@ -258,6 +272,8 @@ def diagnose(
     holdout : Record, str or Path, or sequence of these, optional
         Other records to judge by, or some of those given by their labels, such as ``"7,8,9"``. Without it the last
         third of the record is held out, or the last third of several records.
+    compare : Record, str or Path, optional
+        A later record of the same specimen: `DiagnosisResult.changes` then tells what changed.
     runs : str, optional
         Column of a file that tells its records apart, and labels them.
     each : sequence of str
@@ -305,9 +321,13 @@ def diagnose(
     )  # fmt: skip
     measured, judged = held_out(record, holdout, subject, mapping, runs)
     try:
-        return DiagnosisResult(pipeline.diagnose(measured, subject, judged, options, progress))
+        result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         reasons = "; ".join(wording.message(note) for note in error.notes)
         raise UserError(
             f"{pipeline.file_names(measured)}: no output can be both fitted and judged: {reasons}"
         ) from error
+    if compare is None:
+        return DiagnosisResult(result)
+    later = matching_record(compare, subject, mapping)
+    return DiagnosisResult(result, pipeline.compare(result, later, options, progress))

@@ -13,7 +13,6 @@ from orchestration.api.records import held_out
 from orchestration.cli.models import model_file, note_neutral, open_model
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy.extended_model import destinations
-from orchestration.discrepancy.report import terminal
 from orchestration.records import Record, parse_mapping
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
@@ -31,6 +30,8 @@ class Files:
         JSON, HTML, FMU and TOML to write.
     platforms : sequence of str, optional
         FMI platforms to build the FMU for; default is every one that a compiler here can serve.
+    compare : Path, optional
+        A later record, of which it is told what changed.
     """
 
     records: Sequence[Path]
@@ -40,6 +41,7 @@ class Files:
     fmu: Path | None = None
     experiment: Path | None = None
     platforms: Sequence[str] | None = None
+    compare: Path | None = None
 
     def check(self, sources: Sequence[Path] = ()) -> None:
         """Refuse, before any work is done, names under which nothing can be written or something would be lost.
@@ -55,6 +57,7 @@ class Files:
         """
         others = [Path(text) for text in self.holdout if len(self.records) == 1 or Path(text).exists()]
         read: dict[str, Path | None] = {f"the record{_number(k)}": path for k, path in enumerate(self.records)}
+        read["the later record"] = self.compare
         read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
         read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
         written = {"--json": self.result, "--report": self.report, "--experiment": self.experiment}
@@ -114,11 +117,11 @@ def run(
         tell_repairs([replace(r, message=f"{name}{r.message}") for r in record.repairs])
     with progress() as tell:
         result = diagnose(
-            records, model, holdout=holdouts or None, each=each, effects=considered, hold=hold,
-            settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time,
+            records, model, holdout=holdouts or None, compare=files.compare, each=each, effects=considered, hold=hold,
+            settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time, mapping=renamed,
             progress=tell,
         )  # fmt: skip
-    out.print(terminal.overview(result.details))
+    out.print(*result.overview(), sep="\n")
     write_json(files.result, result.to_dict())
     failures: list[Exception] = []
     with progress() as tell:

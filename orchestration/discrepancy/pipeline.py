@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
+from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, joined_dataset, labels
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
@@ -23,6 +24,7 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.fmu.model import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.records import Record
+from orchestration.records.joined import base_name
 
 
 @dataclass(frozen=True)
@@ -177,6 +179,39 @@ def diagnose(
         except Exception as error:  # as above
             notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": _reason(error)}))
     return Result(records, holdouts, model, effects, diagnosis, component, gain, experiment, notes)
+
+
+def compare(
+    result: Result, after: Record, options: Options | None = None, progress: Callable[[str], None] = lambda text: None
+) -> list[Change]:
+    """Tell which parameters of a diagnosed model, those of its effects too, are others in a later record.
+
+    Parameters
+    ----------
+    result : Result
+        Of the record before.
+    after : Record
+    options : Options, optional
+        That the diagnosis was made with.
+    progress : callable
+
+    Raises
+    ------
+    UserError
+        If the later record cannot be used.
+    """
+    chosen, best = options or Options(), result.diagnosis.selection.best
+    records = {BEFORE: result.record, AFTER: after}
+    whole = joined_dataset(records, result.model, chosen.given, chosen.interpolate)
+    estimation = result.diagnosis.estimation
+    data = replace(whole.only(estimation.measured), linear=estimation.linear)
+    if not all(np.isfinite(y[run.samples]).any() for y in data.measured.values() for run in data.runs):
+        raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(data.measured)}")
+    declared = best.problem.declared
+    searched = [n for n in best.problem.names if base_name(n) == n]
+    parameters = [n for n in searched if not declared[n].starts]
+    starts = [n for n in searched if declared[n].starts]
+    return changes(best.candidate, data, parameters, starts, best.problem.start | best.fit.values, progress)
 
 
 def _reason(error: Exception) -> str:

@@ -65,6 +65,9 @@ Runs = Annotated[
     ),
 ]
 Each = Annotated[str | None, option("--each", help="Parameters that differ from record to record, e.g. ocv,R0.")]
+Compare = Annotated[
+    Path | None, option("--compare", metavar="AFTER", help="A later record of the specimen: what changed in it.")
+]
 Holdout = Annotated[
     list[str] | None,
     option(
@@ -106,6 +109,7 @@ def diagnose(
     hold: Hold = None,
     runs: Runs = None,
     each: Each = None,
+    compare: Compare = None,
     holdout: Holdout = None,
     time: Time = None,
     result: Json = None,
@@ -127,6 +131,7 @@ def diagnose(
             "--hold": hold,
             "--runs": runs,
             "--each": each,
+            "--compare": compare,
             "--holdout": holdout,
             "--time": time,
             "--report": report,
@@ -140,7 +145,7 @@ def diagnose(
         return
     from orchestration.cli import diagnose as one_model
 
-    files = one_model.Files(records, holdout or (), result, report, fmu, experiment, platform_list(platforms))
+    files = one_model.Files(records, holdout or (), result, report, fmu, experiment, platform_list(platforms), compare)
     named = comma_list(effects)
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):

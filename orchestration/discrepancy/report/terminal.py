@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from fmus.kit.units import shown
+from fmus.kit.units import Described, shown
+from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
@@ -59,6 +60,18 @@ def _runs(runs: Sequence[RunError]) -> Table:
         for output, error in run.nrmse.items():
             rows.add_row(run.label, "held out" if run.held_out else "fitted", output, f"{error:.4g}")
     return rows
+
+
+def comparison(found: Sequence[Change], declared: Mapping[str, Described]) -> Group:
+    """Return what ``ppy diagnose --compare`` prints beside."""
+    rows = plain_table("before and after", "parameter", "before", "after", "gain", "verdict")
+    for change in found:
+        p = declared[change.name]
+        verdict = "changed" if change.changed else "not claimed"
+        rows.add_row(
+            change.name, shown(change.before, p), shown(change.after, p), f"{100 * change.gain:.1f} %", verdict
+        )
+    return Group(Text(wording.comparison(found)), rows)
 
 
 def _changes(diagnosis: Diagnosis) -> list[str]:

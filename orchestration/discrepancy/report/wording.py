@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
+from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import Note, NoteCode
@@ -270,3 +272,12 @@ def experiment(design: DiscriminatingExperiment) -> str:
         f"No experiment within these limits that was looked at tells {pair} apart: BIC would fall by "
         f"{max(hardest.bic, 0.0):.1f} only."
     )
+
+
+def comparison(found: Sequence[Change]) -> str:
+    """What changed from one record to another, in one sentence."""
+    claimed = [change for change in found if change.changed]
+    if not claimed:
+        return "Nothing changed beyond noise."
+    parts = [f"{c.name}, times {c.after / c.before:.3g}" if c.before else c.name for c in claimed]
+    return f"What changed: {'; '.join(parts)}."

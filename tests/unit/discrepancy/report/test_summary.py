@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.ppy_actuator.effects import EFFECTS
+from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
 from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import Verdict
@@ -63,7 +64,11 @@ def written(result):
     )
     notes = [Note(NoteCode.NOT_SIMULATED, "slack", {"reason": "too stiff"})]
     figures = written_down(replace(result, diagnosis=full, experiment=experiment, notes=notes))
-    return figures | {"runs": [RunError("a", True, 300, {"voltage": 0.1}).to_dict()]}
+    change = Change("R1", "ohm", 0.5, 1.0, (0.4, 0.6), (0.9, 1.1), True, 0.9)
+    return figures | {
+        "runs": [RunError("a", True, 300, {"voltage": 0.1}).to_dict()],
+        "comparison": json.loads(json.dumps([change.to_dict()])),
+    }
 
 
 def test_the_fields_documented_are_those_written(written):

@@ -1,0 +1,45 @@
+"""Claims: of two records of one specimen, what changed is told, and nothing else.
+
+The records are exact solutions of the cell's equations, written without the kit.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from orchestration.discrepancy.candidates.candidate import Candidate
+from orchestration.discrepancy.changes import AFTER, BEFORE, changes
+from orchestration.discrepancy.data.dataset import Dataset
+from tests.support.several import TRUE, Cell, measured
+
+PARAMETERS = ("ocv", "R0", "R1", "tau1")
+FACTORS = {"R0": 1.3, "R1": 2.0, "tau1": 0.5}
+
+
+def found(seed, **after):
+    """What is told of two records, that started differently and were driven differently."""
+    records = {BEFORE: measured(2 * seed, 3.0), AFTER: measured(2 * seed + 1, -4.0, **after)}
+    return changes(Candidate((), Cell), Dataset.joined(records), PARAMETERS, ["relaxed_start"], {})
+
+
+@pytest.mark.parametrize("seed", range(20, 23))
+@pytest.mark.parametrize("name", FACTORS)
+def test_one_parameter_that_changed_is_claimed_alone(name, seed):
+    told = found(seed, **{name: FACTORS[name] * TRUE[name]})
+    assert [change.name for change in told if change.changed] == [name]
+    (change,) = [change for change in told if change.changed]
+    assert change.before == pytest.approx(TRUE[name], rel=0.1)
+    assert change.after == pytest.approx(FACTORS[name] * TRUE[name], rel=0.1)
+    assert change.before_interval[0] < TRUE[name] * 1.05
+    assert change.gain > 0.5
+    assert {change.name for change in told} == set(PARAMETERS)
+
+
+@pytest.mark.parametrize("seed", range(30, 36))
+def test_where_nothing_changed_nothing_is_claimed(seed):
+    assert not [change for change in found(seed) if change.changed]
+
+
+def test_two_that_changed_are_both_claimed():
+    told = found(40, R1=2.0 * TRUE["R1"], R0=1.3 * TRUE["R0"])
+    assert {change.name for change in told if change.changed} == {"R0", "R1"}
