@@ -92,7 +92,7 @@ def _structure(text: str) -> str:
     """Kind of structure that a sentence tells."""
     if "worse where an input steps" in text:
         return "worse where an input steps"
-    if (where := re.search(r"worse where (.*?) is ", text)) is not None:
+    if (where := re.search(r"(?:worse|on average) where (.*?) is ", text)) is not None:
         return f"region of {where[1]}"
     if (at := re.search(r"correlates with (.*?): .*?(earlier|later|at once)", text)) is not None:
         return f"correlation with {at[1]} {at[2]}"

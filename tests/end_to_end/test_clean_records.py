@@ -95,21 +95,7 @@ def test_the_naive_judge_finds_a_line():
     assert pooled_error({"y": y}, {"y": y + 0.1}) == pytest.approx(0.1 / noise_scale(y))
 
 
-AWAITED = {
-    "t3": "tests of residuals take heavy tails for level shifts and regions",
-    "outliers": "tests of residuals take outliers for level shifts and regions",
-    "varying": "noise whose level varies counts as structure",
-    "on input": "errors in variables are not recognised",
-    "jitter": "errors in variables are not recognised",
-}
-
-
-EXPECTED = [
-    pytest.param(k, marks=[pytest.mark.xfail(strict=False, reason=AWAITED[k])] if k in AWAITED else []) for k in KINDS
-]
-
-
-@pytest.mark.parametrize("noise", EXPECTED)
+@pytest.mark.parametrize("noise", KINDS)
 @pytest.mark.parametrize("plant", ["Cell", "Pendulum"])
 def test_clean_records_have_no_cause(plant, noise):
     stimulus = "square" if plant == "Cell" else "PRBS"

@@ -183,3 +183,15 @@ def test_an_aged_cell_has_more_resistance(public_data, tmp_path):
     assert 2.0 <= aged["R1"] / fresh["R1"] <= 4.0
     assert f"R1 differs: {aged['R1']:.6g} ohm instead of {fresh['R1']:.6g} ohm, times " in text
     assert 0.4 < aged["C"] / fresh["C"] < 0.7
+
+
+@pytest.mark.slow
+def test_pulses_of_a_cell_are_one_record(public_data, tmp_path):
+    """Seven pulses fitted, three held out, the open-circuit voltage each its own. Least squares leaves 0.11 to 0.13."""
+    record = public_data("lfp_cell_ten_pulses.csv")
+    model = f"{record.parent / 'models' / 'lfp_cell.py'}:Cell"
+    options = ("--model", model, "--runs", "pulse", "--each", "ocv", "--holdout", "7,8,9", "--effects", "none")
+    figures, values, _ = diagnosed(record, None, *options, folder=tmp_path)
+    assert figures["gain"]["holdout_nrmse_before"]["voltage"] <= 0.13
+    assert {name for name in values if name.startswith("ocv")} == {f"ocv@{k}" for k in range(7)}
+    assert [run["record"] for run in figures["runs"] if run["held_out"]] == ["7", "8", "9"]

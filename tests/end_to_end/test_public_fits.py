@@ -16,8 +16,6 @@ from benchmarks.clean import WORSE
 from benchmarks.public import DATA, GAINS, Question, errors, pulses
 from tests.support.clean.judge import pooled_error
 
-STANDS_STILL = pytest.mark.xfail(strict=False, reason="samples at which the motor stands still are left out as dead")
-
 
 def question(title: str, public_data: Callable[[str], Path], record: str, model: str, **more) -> Question:
     public_data(record)  # skips where there is none
@@ -72,7 +70,6 @@ def test_a_motor_with_a_dead_zone_is_not_consistent(public_data, gain):
     assert said.verdict != "consistent"
 
 
-@STANDS_STILL
 @pytest.mark.parametrize("gain", [g if g == 2.0 else pytest.param(g, marks=pytest.mark.slow) for g in GAINS])
 def test_a_motor_with_a_dead_zone(public_data, gain):
     more = {"settings": {"gain": gain}, "mapping": {"speed": "speed[rpm]"}}

@@ -5,6 +5,8 @@ The records are exact solutions of the cell's equations, written without the kit
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from orchestration.discrepancy.candidates.candidate import Candidate
@@ -43,3 +45,16 @@ def test_where_nothing_changed_nothing_is_claimed(seed):
 def test_two_that_changed_are_both_claimed():
     told = found(40, R1=2.0 * TRUE["R1"], R0=1.3 * TRUE["R0"])
     assert {change.name for change in told if change.changed} == {"R0", "R1"}
+
+
+@pytest.mark.parametrize("seed", range(50, 53))
+def test_what_the_model_lacks_in_both_records_is_no_change(seed):
+    """A cubic resistance that the model has not bends every parameter a little, and otherwise in each record."""
+    records = {BEFORE: measured(2 * seed, 3.0), AFTER: measured(2 * seed + 1, -4.0, R1=3.0 * TRUE["R1"])}
+    bent = {}
+    for k, (label, record) in enumerate(records.items()):
+        current = record.inputs["current"]
+        voltage = record.measured["voltage"] - (0.002 + 0.001 * k) * current**3
+        bent[label] = replace(record, measured={"voltage": voltage})
+    told = changes(Candidate((), Cell), Dataset.joined(bent), PARAMETERS, ["relaxed_start"], {})
+    assert [change.name for change in told if change.changed] == ["R1"]
