@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from orchestration.identify.tails import heavy_tails
+from orchestration.identify.tails import heavy_tails, weights
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
@@ -75,6 +75,15 @@ class Noise:
         pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
         return np.concatenate(pieces) if pieces else values[:0]
 
+    def from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
+        """Filter like :meth:`whiten`, as if everything before the first sample had been zero.
+
+        What a simulation gets wrong grows from where it starts, so that the first samples tell most of the start.
+        """
+        whole = [1.0, *-self.coefficients]
+        pieces = [lfilter(whole, [1.0], values[a:b], axis=0) / self.deviation for a, b in segments(present)]
+        return np.concatenate(pieces) if pieces else values[:0]
+
     def weights(self, innovation: Array) -> Array:
         """How much every innovation counts in a sum of squares that has its optimum where the likelihood has.
 
@@ -87,31 +96,7 @@ class Noise:
         -------
         ndarray, shape (m,)
         """
-        if self.freedom == inf:
-            return np.ones_like(innovation)
-        return np.asarray((self.freedom + 1.0) / (self.freedom + innovation**2))
-
-    def rooted(self, innovation: Array) -> tuple[Array, Array]:
-        """Return what has the deviance of innovations as its square, (m,), and its slope by them, (m,).
-
-        Least squares of it are the likelihood's optimum, with no weights to iterate.
-        """
-        if self.freedom == inf:
-            return innovation, np.ones_like(innovation)
-        root = np.sign(innovation) * np.sqrt((self.freedom + 1.0) * np.log1p(innovation**2 / self.freedom))
-        steepest = np.full_like(root, np.sqrt((self.freedom + 1.0) / self.freedom))  # at zero
-        return root, np.divide(self.weights(innovation) * innovation, root, out=steepest, where=root != 0.0)
-
-    def curvature(self, innovation: Array) -> Array:
-        """Second derivative of minus the logarithm of the density of every innovation, (m,), at one of its size.
-
-        Weights are never negative, and this is where a sample is far out; but where the level of the noise varies, it
-        is smaller by far where it is high.
-        """
-        if self.freedom == inf:
-            return np.ones_like(innovation)
-        square = innovation**2
-        return np.asarray((self.freedom + 1.0) * (self.freedom - square) / (self.freedom + square) ** 2)
+        return weights(innovation, self.freedom)
 
     def deviance(self, innovation: Array, present: NDArray[np.bool_]) -> float:
         """Minus twice the logarithm of a likelihood, less that of as many Gaussian samples of unit density at zero.

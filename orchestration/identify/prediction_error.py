@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.identify import tails
 from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
 from orchestration.identify.levenberg_marquardt import Minimum, minimise, residual_or_none
 from orchestration.identify.noise import Noise, estimate, white
@@ -286,7 +287,7 @@ def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _P
 
     def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
         residual = problem.evaluate(q)[0]
-        return {o: n.rooted(n.whiten(residual[o], problem.present[o])) for o, n in noise.items()}
+        return {o: tails.rooted(n.whiten(residual[o], problem.present[o]), n.freedom) for o, n in noise.items()}
 
     def rows(q: Array) -> Array:
         return np.concatenate([*(root for root, _ in rooted(q).values()), prior.residual(q)])
@@ -319,7 +320,9 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
     information = sum(n.information * jacobian[o].T @ jacobian[o] for o, n in noise.items())
     score = np.concatenate([weights[o] * innovation[o] for o in noise])
-    bent = np.asarray(sum((jacobian[o].T * n.curvature(innovation[o])) @ jacobian[o] for o, n in noise.items()))
+    bent = np.asarray(
+        sum((jacobian[o].T * tails.curvature(innovation[o], n.freedom)) @ jacobian[o] for o, n in noise.items())
+    )
     # of few samples in heavy tails the curvature may be anything
     bread = covariance(bent if _is_curved(bent, np.asarray(information)) else np.asarray(information), prior.precision)
     return FitResult(

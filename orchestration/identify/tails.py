@@ -42,6 +42,34 @@ def heavy_tails(innovation: Array) -> tuple[float, float]:
     return (inf, size) if freedom == inf else (freedom, _scaled(innovation, freedom)[1])
 
 
+def weights(innovation: Array, freedom: float) -> Array:
+    """How much every innovation (m,) counts in a sum of squares with the slope of minus the log likelihood."""
+    return np.ones_like(innovation) if freedom == inf else np.asarray((freedom + 1.0) / (freedom + innovation**2))
+
+
+def rooted(innovation: Array, freedom: float) -> tuple[Array, Array]:
+    """Return what has the deviance of innovations as its square, (m,), and its slope by them, (m,).
+
+    Least squares of it are the likelihood's optimum, with no weights to iterate.
+    """
+    if freedom == inf:
+        return innovation, np.ones_like(innovation)
+    root = np.sign(innovation) * np.sqrt((freedom + 1.0) * np.log1p(innovation**2 / freedom))
+    steepest = np.full_like(root, np.sqrt((freedom + 1.0) / freedom))  # at zero
+    return root, np.divide(weights(innovation, freedom) * innovation, root, out=steepest, where=root != 0.0)
+
+
+def curvature(innovation: Array, freedom: float) -> Array:
+    """Second derivative of minus the logarithm of the density at every innovation, (m,).
+
+    It is negative far out; where the level of the noise varies, it is smaller by far where it is high.
+    """
+    if freedom == inf:
+        return np.ones_like(innovation)
+    square = innovation**2
+    return np.asarray((freedom + 1.0) * (freedom - square) / (freedom + square) ** 2)
+
+
 def _suspect(innovation: Array) -> bool:
     """Whether the kurtosis is more than that of so many Gaussian samples."""
     kurtosis = np.mean(innovation**4) / np.mean(innovation**2) ** 2

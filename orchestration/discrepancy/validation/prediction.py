@@ -63,7 +63,7 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
 
     def weighted(which: int, q: Array) -> Array:
         parts = problem.evaluate(q)[which]
-        return np.concatenate([parts[o] / model.fit.noise[o].deviation for o in parts])
+        return np.concatenate([model.fit.noise[o].from_rest(parts[o], problem.present[o]) for o in parts])
 
     best = minimise(lambda q: weighted(0, q), lambda q: weighted(1, q), problem.position(problem.start), low, high)
     return values | problem.values(best.q)

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 from scipy.stats import t as student
 
+from orchestration.identify import tails
 from orchestration.identify.noise import Noise, autoregression, estimate, noise_std, segments
 from orchestration.identify.tails import heavy_tails
 from tests.support.diagnosis import coloured
@@ -55,6 +56,17 @@ def test_the_likelihood_is_exact_from_the_first_sample_on(coefficients, gaps):
     assert noise.deviance(noise.whiten(values, present), present) == pytest.approx(expected, rel=1e-9)
 
 
+def test_from_rest_the_first_sample_tells_where_a_walk_began():
+    """Of a random walk the best estimate of its start is its first sample, of white noise it is the mean."""
+    present, ones = np.ones(400, dtype=bool), np.ones(400)
+    present[200] = False
+    values = 3.0 + np.cumsum(np.random.default_rng(2).standard_normal(399))
+    for colour, expected in ((1.0, np.mean(values[[0, 200]])), (0.0, values.mean())):
+        noise = Noise(np.array([colour]), 0.5)
+        column, white = noise.from_rest(ones[present], present), noise.from_rest(values, present)
+        assert column @ white / (column @ column) == pytest.approx(expected)
+
+
 def test_a_likelihood_with_heavy_tails_is_student_s():
     values, everywhere = np.random.default_rng(1).standard_t(3.0, 500), np.ones(500, dtype=bool)
     noise = Noise(np.empty(0), 2.0, 3.0)
@@ -83,12 +95,12 @@ def test_weights_are_those_of_the_score():
     noise, r = Noise(np.empty(0), 1.0, 4.0), np.linspace(-9.0, 9.0, 41)
     slope = (student.logpdf(r + 1e-6, 4.0) - student.logpdf(r - 1e-6, 4.0)) / 2e-6
     np.testing.assert_allclose(noise.weights(r) * r, -slope, atol=1e-7)
-    root, steepness = noise.rooted(r)
+    root, steepness = tails.rooted(r, 4.0)
     np.testing.assert_allclose(root**2, -2.0 * (student.logpdf(r, 4.0) - student.logpdf(0.0, 4.0)), atol=1e-12)
-    differences = (noise.rooted(r + 1e-6)[0] - noise.rooted(r - 1e-6)[0]) / 2e-6
+    differences = (tails.rooted(r + 1e-6, 4.0)[0] - tails.rooted(r - 1e-6, 4.0)[0]) / 2e-6
     np.testing.assert_allclose(steepness, differences, atol=1e-7)
     bend = (student.logpdf(r + 1e-4, 4.0) - 2.0 * student.logpdf(r, 4.0) + student.logpdf(r - 1e-4, 4.0)) / 1e-8
-    np.testing.assert_allclose(noise.curvature(r), -bend, atol=1e-6)
+    np.testing.assert_allclose(tails.curvature(r, 4.0), -bend, atol=1e-6)
 
 
 @pytest.mark.parametrize(
