@@ -37,7 +37,7 @@ class Minimum(NamedTuple):
 
 def minimise(
     residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], q: Array, low: Array, high: Array,
-    tolerance: float = 1e-6, trials: int = 40,
+    tolerance: float = 1e-6, trials: int = 200,
 ) -> Minimum:  # fmt: skip
     """Minimise a sum of squared residuals within bounds.
 

@@ -108,7 +108,7 @@ def fit_simulation_error(
     def cost(q: Array) -> float:
         return float((rows(q) ** 2).sum())
 
-    def search(q: Array, trials: int = 40) -> Minimum:
+    def search(q: Array, trials: int = 200) -> Minimum:
         return minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance, trials)
 
     best = search(starts[0])

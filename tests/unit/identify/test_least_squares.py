@@ -53,3 +53,20 @@ def test_the_search_steps_back_from_what_is_refused_but_does_not_start_there(min
     assert q == pytest.approx([np.e], rel=1e-3)
     with pytest.raises(UserError, match="no logarithm"):
         minimise(rows, lambda q: np.array([[1.0 / q[0]]]), np.array([-0.5]), *ends)
+
+
+@SEARCHES
+@pytest.mark.parametrize(("steepness", "start"), [(10.0, -10.0), (1000.0, -10.0)])
+def test_a_search_goes_on_along_a_narrow_valley(minimise, steepness, start):
+    """Rosenbrock's function: it has one minimum, and dozens of steps lead there."""
+
+    def rows(q):
+        return np.array([steepness * (q[1] - q[0] ** 2), 1.0 - q[0]])
+
+    def slopes(q):
+        return np.array([[-2.0 * steepness * q[0], steepness], [-1.0, 0.0]])
+
+    wide = np.full(2, 1e9)
+    found = minimise(rows, slopes, np.array([start, 1.0]), -wide, wide, 1e-12)
+    assert found.converged
+    assert found.q == pytest.approx([1.0, 1.0], rel=1e-4)
