@@ -7,7 +7,7 @@ from typing import Any
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.run_errors import run_errors
+from orchestration.discrepancy.report.errors import run_errors
 from orchestration.discrepancy.validation.side_by_side import Errors
 from orchestration.identify.metrics import number
 

@@ -13,11 +13,10 @@ from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.run_errors import RunError, run_errors
+from orchestration.discrepancy.report.errors import RunError, error_rows, run_errors
 from orchestration.records.joined import shown_name
 from orchestration.reporting.console import plain_table
 
-MODELS = {"untouched": "untouched", "least_squares": "least squares", "refitted": "refitted", "extended": "extended"}
 _REJECTED = 5  # effects that were tried in vain, of which the evidence is shown
 
 
@@ -43,14 +42,11 @@ def overview(result: Result) -> Group:
 
 def _errors(diagnosis: Diagnosis) -> Table:
     """Errors of the model as it came, of what least squares makes of it, and of what was made of it here."""
-    models = [name for name in MODELS if name in diagnosis.fitted_errors]
-    titles = [MODELS[name] for name in models]
-    rows = plain_table("error of the free run, rms over the spread of the signal", "output", "where", *titles)
-    for where, errors in (("fitted", diagnosis.fitted_errors), ("held out", diagnosis.judged_errors)):
-        for output in next(iter(errors.values()), {}):
-            figures = [f"{errors[name][output]:.4g}" if name in errors else "" for name in models]
-            rows.add_row(output, where, *figures)
-    return rows
+    head, rows = error_rows(diagnosis)
+    table = plain_table("error of the free run, rms over the spread of the signal", *head)
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def _runs(runs: Sequence[RunError]) -> Table:

@@ -14,7 +14,7 @@ from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import Options, diagnose
-from orchestration.discrepancy.report.run_errors import RunError
+from orchestration.discrepancy.report.errors import RunError
 from orchestration.discrepancy.report.summary import summary
 from orchestration.discrepancy.report.wording import sentence
 from orchestration.discrepancy.residuals.excess_variance import ExcessVariance

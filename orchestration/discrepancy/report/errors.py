@@ -1,4 +1,4 @@
-"""How far off the best model is in each of several records."""
+"""How far off models are: all of them beside each other, and the best one in each of several records."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.identify.metrics import normalised_rms, number
+
+_MODELS = {
+    "untouched": "untouched", "least_squares": "least squares", "refitted": "refitted", "extended": "extended",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -59,3 +64,14 @@ def run_errors(result: Result) -> list[RunError]:
         }
         errors.append(RunError(run.label, not validation.continued, run.last - run.first, nrmse))
     return errors
+
+
+def error_rows(diagnosis: Diagnosis) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of a table: normalised RMS errors of free runs, a row for every output and part of the data."""
+    models = [name for name in _MODELS if name in diagnosis.fitted_errors]
+    rows = []
+    for where, errors in (("fitted", diagnosis.fitted_errors), ("held out", diagnosis.judged_errors)):
+        for output in next(iter(errors.values()), {}):
+            figures = [f"{errors[name][output]:.4g}" if name in errors else "" for name in models]
+            rows.append([output, where, *figures])
+    return ["output", "where", *(_MODELS[name] for name in models)], rows
