@@ -104,11 +104,12 @@ static void krogstad_step(Recorder *recorder, double time, double h, int level, 
 }
 
 /* One step and two of half its length, which are taken, corrected by their difference over 15: at order 4 their error.
-   It is asked of the end alone, so that nothing between can hide from it. */
+   It is asked of the end alone, so that nothing between can hide from it. A hundredth of the tolerance is allowed, so
+   that slopes by parameters are as good as signals. */
 static double try_step_and_halves(Recorder *recorder, double time, double h, int level) {
     const double *x = recorder->engine.memory + FIRST_STATE;
     double *one = recorder->one, *half = recorder->half, *moved = recorder->moved;
-    double tolerance = recorder->engine.memory[MEMORY_TOLERANCE], worst = 0.0;
+    double tolerance = 0.01 * recorder->engine.memory[MEMORY_TOLERANCE], worst = 0.0;
     krogstad_step(recorder, time, h, level, x, one);
     krogstad_step(recorder, time, 0.5 * h, level + 1, x, half);
     for (int i = 0; i < MODEL_STATES; i++)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fmus.kit.record.linearisation import Ladder
 
 Array = NDArray[np.float64]
+SHARE = 0.01  # of the tolerance, which a step may take: slopes by parameters are to be as good as signals
 SAME = 1e-9  # relative: steps this close are the same
 _LONGER = 1.0 / 32.0  # error, relative to what is tolerated, below which twice the step can be tried
 
@@ -111,5 +112,5 @@ class ExponentialIntegrator:
         one, half = self._krogstad(now, h, level, x), self._krogstad(now, 0.5 * h, level + 1, x)
         both = half + self._krogstad(now + 0.5 * h, 0.5 * h, level + 1, x + half)
         difference = (both - one) / 15.0
-        error = np.abs(difference) / self._tolerance / (self._nominal + np.abs(x))
+        error = np.abs(difference) / (SHARE * self._tolerance) / (self._nominal + np.abs(x))
         return both + difference, float(error.max()) if np.isfinite(error).all() else math.inf

@@ -133,9 +133,7 @@ def headline(result: Result) -> str:
     if result.diagnosis.verdict is not Verdict.UNEXPLAINED:  # of which it is the reason
         told += [note for note in result.notes if note.code is NoteCode.IMPLAUSIBLE]
     sentences = (message(note) for note in told)
-    # one that begins with the name of a file or a parameter keeps it as it is
-    said = (f"T{text[1:]}." if text.startswith("the ") else f"{text}." for text in sentences)
-    return " ".join([sentence(result.diagnosis), *said])
+    return " ".join([sentence(result.diagnosis), *(f"{text}." for text in sentences)])
 
 
 def _causes(diagnosis: Diagnosis) -> str:

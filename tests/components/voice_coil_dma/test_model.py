@@ -280,8 +280,10 @@ def test_compiled_and_interpreted_laws_agree():
     run = CompiledModel(VoiceCoilDma).run(time, {"force_reference": force, "tension": pull}).signals
     model = VoiceCoilDma()
     found = simulate(model, time, lambda t: force[int(t / 0.01)], lambda t: pull[int(t / 0.01)])
+    # over a record its linear part is solved exactly; the model errs by its tolerance in every step
     for column, name in enumerate(("coil_current", "position", "velocity", "force_measured", "position_measured")):
-        assert run[name] == pytest.approx(found[:, column], rel=1e-9, abs=1e-9 * np.abs(found[:, column]).max()), name
+        within = 5.0 * VoiceCoilDma.tolerance * np.abs(found[:, column]).max()
+        assert run[name] == pytest.approx(found[:, column], rel=0.0, abs=within), name
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
