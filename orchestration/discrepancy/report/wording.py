@@ -132,8 +132,8 @@ def headline(result: Result) -> str:
     told = [note for note in result.notes if note.code in IN_HEADLINE]
     if result.diagnosis.verdict is not Verdict.UNEXPLAINED:  # of which it is the reason
         told += [note for note in result.notes if note.code is NoteCode.IMPLAUSIBLE]
-    sentences = (message(note) for note in told)
-    return " ".join([sentence(result.diagnosis), *(f"{text}." for text in sentences)])
+    told_with_it = "; ".join(message(note) for note in told)
+    return sentence(result.diagnosis) + (f" Note: {told_with_it}." if told_with_it else "")
 
 
 def _causes(diagnosis: Diagnosis) -> str:
