@@ -120,6 +120,8 @@ def test_members_of_others_are_judged_too(tmp_path):
     right = diagnosed_lags(tmp_path, 0.0)
     assert verdicts(right) == {"a": "consistent", "b": "consistent"}
     assert sources(right.members[1]) == {"u": "a.x, linear between samples"}
+    columns = {str(port): column for port, (column, _) in right.columns.items()}
+    assert columns == {"a.u": "drive", "a.x": "a.x", "b.x": "b.x"}
     assert not right.members[0].equations_known
     bent = diagnosed_lags(tmp_path, 0.1)
     assert verdicts(bent) == {"a": "consistent", "b": "wrong"}
