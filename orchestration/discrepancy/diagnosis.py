@@ -185,7 +185,7 @@ def diagnose(
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
     final, failed = _refitted(replace(search, data=usable), selection.best, holdout is None)
-    more = noise.spread_of(final.problem.names)
+    more = np.hypot(noise.spread_of(final.problem.names), intersample.spread(chosen, final))
     values = estimates(final, more)
     changed = [] if inconclusive else significantly_changed(final, search.parameters, more)
     physical = [name for name in search.parameters if name not in cls.layout.start_parameters]

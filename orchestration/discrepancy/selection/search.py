@@ -133,6 +133,16 @@ class Search:
         q = problem.position(problem.start | fitted.fit.values)
         return FittedCandidate(fitted.candidate, problem, self._fit(problem, q, fitted.fit.noise))
 
+    def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
+        """Fit a model once more, from where one that contains it stands and in its noise; the likelier of the two.
+
+        The degrees of freedom and the colour of noise have several optima. One that only the richer model has found is
+        no evidence for what it has more.
+        """
+        again = self._again(below.candidate, richer.fit.values, richer)
+        better = again is not richer and again.fit.bic < below.fit.bic
+        return replace(below, problem=again.problem, fit=again.fit) if better else below
+
     def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""
         data = self.data
