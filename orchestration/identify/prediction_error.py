@@ -248,6 +248,11 @@ def trusted(problem: Problem, likeliest: FitResult, free_run: FitResult) -> FitR
     return likeliest if pooled_error(likeliest.residual, scales, weights) <= near else free_run
 
 
+def noise_of(problem: Problem, residual: Mapping[str, Array]) -> dict[str, Noise]:
+    """Noise of every output of a problem, estimated from residuals (m,) by output."""
+    return {o: estimate(e, problem.present[o], problem.order, problem.calm[o]) for o, e in residual.items()}
+
+
 def _is_curved(observed: Array, expected: Array) -> bool:
     """Whether an observed information is positive in every direction, beside the one that is expected."""
     scale = np.sqrt(np.diag(expected))
@@ -313,7 +318,7 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     """How likely a point makes the record, in the noise that is estimated from its residual."""
     q = minimum.q
     residual, slopes = problem.evaluate(q)
-    noise = {o: estimate(e, problem.present[o], problem.order, problem.calm[o]) for o, e in residual.items()}
+    noise = noise_of(problem, residual)
     innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
     weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
     jacobian = {o: n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()}

@@ -81,9 +81,7 @@ class Search:
     def trusted(self, fitted: FittedCandidate) -> FittedCandidate:
         """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much."""
         problem = fitted.problem
-        begun = [fitted.fit.q] + ([] if fitted.free_run is None else [fitted.free_run.q])
-        ends = [fit_free_run(problem, [q], self._physical(problem)) for q in begun]
-        free_run = min(ends, key=lambda end: pooled_error(end.residual, error_scales(problem)))
+        free_run = fitted.free_run or fit_free_run(problem, [fitted.fit.q], self._physical(problem))
         return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
     def fit_extended(self, screened: ScreenedCandidate) -> FittedCandidate:
