@@ -1,0 +1,102 @@
+"""Nonlinear least squares within bounds: SciPy's trust-region reflective method, stepping back where a model fails.
+
+Sources: Branch, Coleman and Li, *SIAM Journal on Scientific Computing* 21 (1999); docs/decisions/0014-one-fit.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from fmus.kit.errors import UserError
+
+Array = NDArray[np.float64]
+_ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
+
+
+class Minimum(NamedTuple):
+    """Where a search ended.
+
+    Attributes
+    ----------
+    q : ndarray, shape (p,)
+        The best point.
+    converged : bool
+        Whether the cost fell no more; else the trial points were used up.
+    """
+
+    q: Array
+    converged: bool
+
+
+def minimise(
+    residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], q: Array, low: Array, high: Array,
+    tolerance: float = 1e-6, trials: int = 200,
+) -> Minimum:  # fmt: skip
+    """Minimise a sum of squared residuals within bounds.
+
+    Parameters
+    ----------
+    residual, jacobian : callable
+        Residuals (m,) and their Jacobian (m, p) at a point. From a point where a residual is not finite, or raises a
+        UserError, the search steps back.
+    q, low, high : ndarray, shape (p,)
+        Starting point and bounds; a coordinate whose bounds are equal stays there.
+    tolerance : float
+        Fall of the cost, relative to it, that ends the search.
+    trials : int
+        Points that are tried at most.
+
+    Returns
+    -------
+    Minimum
+
+    Raises
+    ------
+    UserError
+        If the residual raises it where the search starts.
+    """
+    q = np.clip(q, low, high)
+    free = low < high
+    nowhere = np.full(residual(q).size, np.inf)
+    if not free.any():
+        return Minimum(q, True)
+
+    def at(moved: Array) -> Array:
+        point = q.copy()
+        point[free] = moved
+        return point
+
+    def finite(moved: Array) -> Array:
+        values = residual_or_none(residual, at(moved))
+        return nowhere if values is None else values
+
+    def slopes(moved: Array) -> Array:
+        return jacobian(at(moved))[:, free]
+
+    solution = least_squares(
+        finite,
+        q[free],
+        slopes,
+        (low[free], high[free]),
+        ftol=tolerance,
+        xtol=_ROUNDING,
+        gtol=_ROUNDING,
+        max_nfev=trials,
+    )
+    # it stays within the bounds by a rounding error
+    ends = np.where(solution.active_mask < 0, low[free], high[free])
+    return Minimum(at(np.where(solution.active_mask == 0, solution.x, ends)), solution.success)
+
+
+def residual_or_none(residual: Callable[[Array], Array], q: Array) -> Array | None:
+    """Residual at a point; None where it is not finite or raises a UserError, so that a search has to step back."""
+    try:
+        values = residual(q)
+    except UserError:
+        return None
+    return values if np.isfinite(values).all() else None
