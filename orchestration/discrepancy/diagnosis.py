@@ -15,12 +15,12 @@ from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
-from orchestration.discrepancy.data.screening import divided, is_excited
+from orchestration.discrepancy.data.screening import DividedData, divided, is_excited
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, Structure, analyse_residuals
 from orchestration.discrepancy.residuals.innovations import power
 from orchestration.discrepancy.residuals.remarks import remarks
-from orchestration.discrepancy.selection import intersample
+from orchestration.discrepancy.selection import clock, intersample
 from orchestration.discrepancy.selection.intersample import Intersample
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
@@ -181,16 +181,16 @@ def diagnose(
     excited = is_excited(cls, parts.estimation, fixed or {})
     starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
     inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
-    base = search.nominal()
+    base, by_clock = search.nominal(), list[Note]()
     if not inconclusive:
+        search, base, by_clock = clock.by_fit(search, base)
         search, base, chosen = intersample.by_fit(search, base, chosen)
-        parts = parts.with_linear(intersample.linear(chosen))
-    estimation, validation = parts.estimation, parts.validation
+    estimation, validation, usable = _as_taken(parts, by_clock, intersample.linear(chosen))
     selection = Selection(base) if inconclusive else select(search, effects, base)
     noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
-    final, failed = _refitted(replace(search, data=parts.usable), selection.best, holdout is None)
+    final, failed = _refitted(replace(search, data=usable), selection.best, holdout is None)
     more = noise.spread_of(final.problem.names)
     values = estimates(final, more)
     changed = [] if inconclusive else significantly_changed(final, search.parameters, more)
@@ -200,7 +200,7 @@ def diagnose(
     excused = errors_in_variables.excused(residuals, selection, search, noise)
     errors = errors_side_by_side(predictions, validation)
     notes = [
-        *_excitation_notes(parts.notes, estimation, excited, starts),
+        *_excitation_notes([*parts.notes, *by_clock], estimation, excited, starts),
         *intersample.remarks(chosen),
         *errors_in_variables.remarks(noise, base, estimation.inputs),
         *by_noise,
@@ -220,6 +220,14 @@ def diagnose(
         verdict, selection, values, changed, residuals, *errors, estimation, validation, final, notes,
         chosen, excused,
     )  # fmt: skip
+
+
+def _as_taken(
+    parts: DividedData, by_clock: Sequence[Note], linear: frozenset[str]
+) -> tuple[Dataset, ValidationData, Dataset]:
+    """Estimation and validation data, and all of both, by the clock and with inputs as they were found to be."""
+    parts = parts.taken(lambda part: replace(clock.by(by_clock, part), linear=linear))
+    return parts.estimation, parts.validation, parts.usable
 
 
 def _refitted(search: Search, best: FittedCandidate, again: bool) -> tuple[FittedCandidate, list[Note]]:

@@ -14,6 +14,7 @@ from fmus.kit import Component, Effect, files, stack
 from fmus.kit.build import build, build_cached
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.errors import UserError
+from fmus.kit.record.smooth_inputs import with_knots
 from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.data.dataset import Dataset
@@ -230,5 +231,7 @@ def _run(path: Path, cls: type[Component], values: Mapping[str, float], data: Da
         with Fmu(path, {p.name: _allowed(here[p.name], p) for p in cls.layout.parameters}) as fmu:
             fmu.start(float(part.time[0]))
             moving = part.inputs if data.linear is True else data.linear or ()
-            parts.append(simulate_instance(fmu, part.time, part.inputs, list(data.measured), linear=moving))
+            time, inputs, at = with_knots(part.time, part.inputs, moving)
+            simulated = simulate_instance(fmu, time, inputs, list(data.measured), linear=moving)
+            parts.append({o: values[at] for o, values in simulated.items()})
     return {o: joined(len(data.time), data.runs, [part[o] for part in parts]) for o in data.measured}

@@ -31,6 +31,7 @@ class NoteCode(StrEnum):
     INTERSAMPLE = "intersample"
     INTERSAMPLE_OPEN = "intersample_open"
     INPUT_NOISE = "input_noise"
+    EVEN_CLOCK = "even_clock"
     CONSTANT_INPUT = "constant_input"
     NO_EXCITATION = "no_excitation"
     EXCITATION_BELOW_NOISE = "excitation_below_noise"

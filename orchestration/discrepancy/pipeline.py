@@ -21,6 +21,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.selection import clock
 from orchestration.fmu.model import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.records import Record
@@ -204,7 +205,7 @@ def compare(
     records = {BEFORE: result.record, AFTER: after}
     whole = joined_dataset(records, result.model, chosen.given, chosen.interpolate)
     estimation = result.diagnosis.estimation
-    data = replace(whole.only(estimation.measured), linear=estimation.linear)
+    data = clock.by(result.notes, replace(whole.only(estimation.measured), linear=estimation.linear))
     if not all(np.isfinite(y[run.samples]).any() for y in data.measured.values() for run in data.runs):
         raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(data.measured)}")
     declared = best.problem.declared

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import Component, stack
 from fmus.kit.record.compiled import CompiledModel, Trajectory
+from fmus.kit.record.smooth_inputs import with_knots
 from fmus.kit.sensors import transport_delay
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ class DelayedModel:
     sensitivities : sequence of str
         Parameters with respect to which derivatives are wanted.
     linear : bool or collection of str
-        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
+        Inputs that are smooth, all or those named (`smooth_inputs`); others are held until the next sample.
 
     Attributes
     ----------
@@ -77,20 +78,22 @@ class DelayedModel:
             If the simulation fails.
         """
         given = {name: value for name, value in parameters.items() if name in self._known}
+        clock, fed, samples = with_knots(time, inputs, self._linear)
         if not self.delays:
-            return self._model.run(time, inputs, given, self._linear, effort)
+            ran = self._model.run(clock, fed, given, self._linear, effort)
+            return ran if samples == slice(None) else _picked(ran, samples)
         delays = {output: parameters[name] for output, name in self.delays.items()}
         late = {output: delay for output, delay in delays.items() if delay > 0.0}
         instants_of = {output: _delayed_instants(time, delay) for output, delay in late.items()}
         instants, back = np.unique(
-            np.concatenate([time, *(x for pair in instants_of.values() for x in pair)]), return_inverse=True
+            np.concatenate([time, *(x for pair in instants_of.values() for x in pair), clock]), return_inverse=True
         )
-        held = np.searchsorted(time, instants, "right") - 1
-        full = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time)) for n, v in inputs.items()}
+        held = np.searchsorted(clock, instants, "right") - 1
+        full = {n: np.broadcast_to(np.asarray(v, dtype=float), len(clock)) for n, v in fed.items()}
         moving = full if self._linear is True else self._linear or ()
-        fed = {n: np.interp(instants, time, v) if n in moving else v[held] for n, v in full.items()}
+        fed = {n: np.interp(instants, clock, v) if n in moving else v[held] for n, v in full.items()}
         ran = self._model.run(instants, fed, given, self._linear, effort)
-        places = iter(np.split(back, 1 + 2 * len(instants_of)))
+        places = iter(np.split(back[: -len(clock)], 1 + 2 * len(instants_of)))
         now = next(places)
         signals = {name: values[now] for name, values in ran.signals.items()}
         slopes = {name: values[now] for name, values in ran.sensitivities.items()}
@@ -112,6 +115,12 @@ class DelayedModel:
             else:
                 columns.append(by_delay[signal] if of[name] == signal else np.zeros(len(slopes)))
         return np.column_stack(columns) if columns else slopes
+
+
+def _picked(ran: Trajectory, at: slice) -> Trajectory:
+    """Some of the instants of a simulation."""
+    parts = ({name: values[at] for name, values in group.items()} for group in (ran.signals, ran.sensitivities))
+    return Trajectory(*parts)
 
 
 def _delayed_instants(time: Array, delay: float) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,11 +45,9 @@ class DividedData:
     validation: ValidationData
     notes: list[Note]
 
-    def with_linear(self, linear: Collection[str]) -> DividedData:
-        """The same with other inputs going linearly between samples."""
-        usable, estimation, judged = (
-            replace(data, linear=linear) for data in (self.usable, self.estimation, self.validation.data)
-        )
+    def taken(self, how: Callable[[Dataset], Dataset]) -> DividedData:
+        """The same with other inputs going linearly between samples, or by another clock."""
+        usable, estimation, judged = map(how, (self.usable, self.estimation, self.validation.data))
         return replace(self, usable=usable, estimation=estimation, validation=replace(self.validation, data=judged))
 
 

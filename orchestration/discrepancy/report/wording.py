@@ -58,6 +58,8 @@ _NOTES = {
     NoteCode.INPUT_NOISE:
         "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive the outputs: "
         "{parameter} comes out {bias} off by that, and evidence for effects counts only beyond what such noise makes",
+    NoteCode.EVEN_CLOCK:
+        "samples were taken evenly, as the outputs tell{margin}: times scatter by {jitter:.3g} s, which is left out",
     NoteCode.CONSTANT_INPUT:
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and effects that need "
         "them cannot be told apart",
@@ -171,7 +173,7 @@ def _fact(name: str, value: Any) -> Any:
     if name == "shares":
         return ", ".join(f"{effect} ({100.0 * share:.0f} %)" for effect, share in value.items())
     if name == "course":
-        return {"linear": "go in straight lines", "held": "be held"}.get(value, value)
+        return {"linear": "go smoothly", "held": "be held"}.get(value, value)
     if name == "basis":
         return {"course": "as it moves", "fit": "as the outputs tell", "default": "as nothing tells otherwise"}.get(
             value, value

@@ -229,6 +229,12 @@ def intersample_open(monkeypatch):
     return diagnose(PpyActuator, data, [], held=PpyActuator.layout.start_parameters).notes
 
 
+@makes(NoteCode.EVEN_CLOCK)
+def even_clock(monkeypatch):
+    data = record("chirp", False, 1)
+    return diagnose(PpyActuator, replace(data, time=data.time + 0.01 * coloured(0.0, 3, data.time.size)), []).notes
+
+
 @makes(NoteCode.INPUT_NOISE, NoteCode.INPUT_NOISE_DOES_THE_SAME)
 def input_noise(monkeypatch):
     data = record("triangle", False, 3, force="multilevel", input_noise=0.005)
