@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from fmus.kit.errors import UserError
 
 Array = NDArray[np.float64]
+_SAME = 1e-9  # in searched coordinates
 _ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
 
 
@@ -58,11 +59,13 @@ def minimise(
     Raises
     ------
     UserError
-        If the residual raises it where the search starts.
+        If the residual raises it, or is not finite, where the search starts.
     """
     q = np.clip(q, low, high)
     free = low < high
-    nowhere = np.full(residual(q).size, np.inf)
+    begin = residual(q)
+    if not np.isfinite(begin).all():
+        raise UserError("the simulation is not finite where the search starts")
     if not free.any():
         return Minimum(q, True)
 
@@ -72,8 +75,10 @@ def minimise(
         return point
 
     def finite(moved: Array) -> Array:
-        values = residual_or_none(residual, at(moved))
-        return nowhere if values is None else values
+        point = at(moved)
+        # a start at a bound is moved off it by a rounding error
+        values = begin if np.abs(point - q).max() <= _SAME else residual_or_none(residual, point)
+        return np.full_like(begin, np.inf) if values is None else values
 
     def slopes(moved: Array) -> Array:
         return jacobian(at(moved))[:, free]

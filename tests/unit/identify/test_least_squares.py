@@ -66,3 +66,22 @@ def test_the_search_steps_back_from_what_is_refused_but_does_not_start_there():
     assert q == pytest.approx([np.e], rel=1e-3)
     with pytest.raises(UserError, match="no logarithm"):
         minimise(rows, lambda q: np.array([[1.0 / q[0]]]), np.array([-0.5]), *ends)
+
+
+@pytest.mark.parametrize("start", [1.0, 9.0])
+def test_the_start_is_a_point_even_if_all_others_are_refused(start):
+    asked = []
+
+    def rows(q):
+        asked.append(q.copy())
+        if len(asked) > 1:
+            raise UserError("there is no time left")
+        return q - 3.0
+
+    found = minimise(rows, lambda q: np.eye(1), np.array([start]), np.array([-9.0]), np.array([9.0]), trials=20)
+    assert found == (pytest.approx([start]), False)
+
+
+def test_a_search_that_starts_at_what_is_not_finite_is_refused():
+    with pytest.raises(UserError, match="not finite"):
+        minimise(lambda q: np.array([np.nan]), lambda q: np.eye(1), np.zeros(1), -np.ones(1), np.ones(1))
