@@ -1,9 +1,11 @@
 """What makes a component stiff over a record, and the matrix functions with which its linear part is solved exactly.
 
-The rates are split into A x, where A is their Jacobian at the start of the record, and the rest. Sensitivities are
-states too, and their part of A is as exact: below the Jacobian J of the states themselves stands, for each parameter, a
-block H with the derivatives of the sensitivities' rates by the states, and beside it J again. Such a matrix is kept as
-the stack of J and all H; a function of it is the same stack of that function and of its Frechet derivatives.
+The rates are split into A x, where A is their Jacobian at the start of the record, and the rest. What is sampled has
+been updated by then, for that comes before the first step: a lag whose equilibrium is sampled once follows from there.
+Sensitivities are states too, and their part of A is as exact: below the Jacobian J of the states themselves stands, for
+each parameter, a block H with the derivatives of the sensitivities' rates by the states, and beside it J again. Such a
+matrix is kept as the stack of J and all H; a function of it is the same stack of that function and of its Frechet
+derivatives.
 
 The functions are phi_k(z) = sum of z^j / (j + k)! at z = h A for steps h that are halved again and again: a series for
 the shortest, then doubling (Hochbruck, Ostermann: Exponential integrators, Acta Numerica 2010, section 2.1; Skaflestad,
@@ -74,6 +76,7 @@ class Linearisation:
     def __init__(self, base: Graph, extended: Graph):
         self._base, self._extended = base, extended
         self._nominal = np.array([state.nominal for state in base.layout.states])
+        self._known: dict[tuple[bool, tuple[bool, ...]], bool] = {}  # see `_affine`
 
     def ladder(self, time: Array, table: Array, linear: bool, parameters: Array) -> Ladder | None:
         """Look at how stiff the component is over a record.
@@ -103,19 +106,24 @@ class Linearisation:
         if inputs is None:
             return None
         n = self._nominal.size
-        matrix = self._blocks(*self._start(self._extended, float(time[0]), inputs, parameters)).full().reshape(-1, n, n)
+        start = self._start(self._extended, float(time[0]), table[0], parameters)
+        start[2] = inputs
+        matrix = self._blocks(*start).full().reshape(-1, n, n)
         if not np.isfinite(matrix).all():
             return None
         largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - _JITTER))
         halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
-        return Ladder(largest, self._affine[linear], matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
+        affine = self._affine(linear, self._changing(float(time[-1] - time[0]), parameters))
+        return Ladder(largest, affine, matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
 
     def _stiffest(self, time: float, table: Array, parameters: Array, limit: float) -> Array | None:
         """Inputs, of some samples, with which an eigenvalue at the start is largest; None if all are below a limit."""
         jacobian, of_inputs = self._jacobian
         fastest, inputs = limit, None
+        start = self._start(self._base, time, table[0], parameters)
         for k in np.linspace(0, len(table) - 1, _LOOKED_AT).astype(int).tolist() if of_inputs else [0]:
-            found = jacobian(*self._start(self._base, time, table[k], parameters)).full()
+            start[2] = table[k]
+            found = jacobian(*start).full()
             # no eigenvalue is larger than a norm, which costs less
             if np.isfinite(found).all() and self._norm(found) > fastest:
                 speed = float(np.abs(np.linalg.eigvals(found)).max())
@@ -127,12 +135,33 @@ class Linearisation:
         return float(np.abs(jacobian * self._nominal / self._nominal[:, None]).sum(1).max())
 
     def _start(self, graph: Graph, time: float, inputs: Array, parameters: Array) -> list[Array | float]:
-        """Arguments of the laws of a graph at the start of the record."""
+        """Arguments of the laws of a graph as its first step begins, after the first updates of what is sampled."""
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
         groups = layout.states, layout.discretes
         x, z = (parameters[[index[layout.start_of[v.name]] for v in group]] for group in groups)
-        return [time, parameters[: len(index)], inputs, x, z]
+        arguments: list[Array | float] = [time, parameters[: len(index)], inputs, x, z]
+        for update in self._updates[graph is self._extended]:
+            arguments[4] = update(*arguments).full()[:, 0]
+        return arguments
+
+    def _changing(self, duration: float, parameters: Array) -> tuple[bool, ...]:
+        """Which discrete states are sampled again after the start of a record."""
+        layout = self._base.layout
+        index = {p.name: i for i, p in enumerate(layout.parameters)}
+        periods = (parameters[index[d.period]] if isinstance(d.period, str) else d.period for d in layout.discretes)
+        return tuple(float(period) < duration for period in periods)
+
+    @cached_property
+    def _updates(self) -> tuple[list[ca.Function], list[ca.Function]]:
+        """What happens at the sample instants, of the component and of the extended graph; none that no rate feels."""
+        jacobian = ca.jacobian(self._base.rates, self._base.states)
+        felt = self._base.discretes.numel() and ca.depends_on(jacobian, self._base.discretes)
+        base, extended = (
+            [_dense(graph, update) for update in graph.updates] if felt else []
+            for graph in (self._base, self._extended)
+        )
+        return base, extended
 
     @cached_property
     def _jacobian(self) -> tuple[ca.Function, bool]:
@@ -146,17 +175,21 @@ class Linearisation:
         """J and all H below each other, from the arguments of the extended laws."""
         return _dense(self._extended, ca.jacobian(self._extended.rates, self._extended.states[: self._nominal.size]))
 
-    @cached_property
-    def _affine(self) -> tuple[bool, bool]:
-        """Whether the rates are affine in the states, the inputs being held; and in states and inputs."""
+    def _affine(self, linear: bool, changing: tuple[bool, ...]) -> bool:
+        """Whether the rates are affine in the states, or with interpolated inputs in both, and stay the same so.
+
+        ``changing`` tells of each discrete state whether it changes after the start.
+        """
         graph = self._base
-        changing = ca.vertcat(graph.time, graph.inputs, graph.states, graph.discretes)
-        timeless = not ca.depends_on(graph.rates, graph.time)
-        held, sloped = (
-            timeless and not (known.numel() and ca.depends_on(ca.jacobian(graph.rates, known), changing))
-            for known in (graph.states, ca.vertcat(graph.states, graph.inputs))
-        )
-        return held, sloped
+        if (linear, changing) not in self._known:
+            moving = ca.vertcat(
+                graph.time, graph.inputs, graph.states, graph.discretes[[k for k, c in enumerate(changing) if c]]
+            )
+            known = ca.vertcat(graph.states, graph.inputs) if linear else graph.states
+            self._known[linear, changing] = not ca.depends_on(graph.rates, graph.time) and not (
+                known.numel() and ca.depends_on(ca.jacobian(graph.rates, known), moving)
+            )
+        return self._known[linear, changing]
 
 
 def _dense(graph: Graph, expression: ca.SX) -> ca.Function:

@@ -11,10 +11,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from fmus.kit import Component, Discrete, Input, Output, Parameter, State, maximum
+from fmus.kit import Component, Discrete, Input, Output, Parameter, State, maximum, stack
 from fmus.kit.record import compiled as kit_compiled
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.record.linearisation import Linearisation
+from fmus.kit.sensors import sensor_lag
 from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator
 
@@ -221,3 +222,72 @@ def test_sample_instants_between_samples_are_exact():
     by_gain = 0.8 * 0.4 ** (updates - 1.0) + (1.0 - first) * (updates - 1.0) * 0.4 ** (updates - 2.0)
     np.testing.assert_allclose(ran.signals["x"][1:], exact, rtol=1e-9)
     np.testing.assert_allclose(ran.sensitivities["x"][1:, 0], by_gain, rtol=1e-7, atol=1e-9)
+
+
+class Hastened(Component):
+    """A decay that is hastened at sample instants, from the first on, which comes before the first step."""
+
+    name = "hastened"
+
+    period = Parameter(1.0, "s", min=1e-6)
+    x = State("1", rate="x_rate", start=1.0, output=True)
+    speed = Discrete("1/s", start=50.0, update="next_speed", period="period")
+
+    def x_rate(self):
+        return -self.speed * self.x
+
+    def next_speed(self):
+        return 0.5 * self.speed
+
+
+@pytest.mark.parametrize(("period", "steps"), [(0.4, 60.0), (1e9, 2.0)], ids=["again and again", "once"])
+def test_a_rate_that_is_set_at_sample_instants_is_followed(period, steps):
+    """Exponentials, one after the other; set but once, at the start, it is solved in one step a sample."""
+    time = 0.1 * np.arange(21)
+    found = CompiledModel(Hastened).run(time, {}, {"period": period}, effort=steps).signals["x"]
+    instants = np.arange(0.0, 2.0, period)
+    spent = np.clip(time[:, None] - instants, 0.0, period)  # s, at every speed
+    exact = np.exp(-(spent * 50.0 * 0.5 ** np.arange(1, len(instants) + 1)).sum(1))
+    np.testing.assert_allclose(found, exact, atol=3e-8)
+
+
+class Sensed(Component):
+    """A first-order response and a feedthrough."""
+
+    name = "sensed"
+
+    a = Parameter(2.0, "1/s", min=1e-6)
+    u = Input("V")
+    x = State("V", rate="x_rate")
+
+    def x_rate(self):
+        return self.a * (self.u - self.x)
+
+    @Output("V")
+    def y(self):
+        """What is measured."""
+        return 0.5 * self.u + self.x
+
+
+def test_a_sensor_that_lags_far_less_than_a_sample_takes_one_step():
+    """Its equilibrium is found at the first sample, and from there on it is linear: exact by a matrix exponential."""
+    lag, m, step = 0.004, 0.01, 0.1
+    time, u = step * np.arange(200), np.random.default_rng(5).normal(size=200)
+    cls = stack(Sensed, sensor_lag(Sensed, "y"))
+    found = CompiledModel(cls, ["a", "y_lag_time"]).run(time, {"u": u}, {"y_lag_time": lag}, effort=2.0)
+
+    def measured(a, lag):
+        tau, states, values = lag + m * math.exp(-lag / m), np.array([0.0, 0.5 * u[0]]), []
+        A = np.array([[-a, 0.0, a], [1.0 / tau, -1.0 / tau, 0.5 / tau], [0.0, 0.0, 0.0]])
+        over = expm(step * A)
+        for held in u:
+            y = 0.5 * held + states[0]
+            values.append(y - lag * (y - states[1]) / tau)
+            states = (over @ [*states, held])[:2]
+        return np.array(values)
+
+    np.testing.assert_allclose(found.signals["y"], measured(2.0, lag), atol=1e-11)
+    for k, (by_a, by_lag) in enumerate(((1e-5, 0.0), (0.0, 1e-7))):
+        ends = [measured(2.0 + sign * by_a, lag + sign * by_lag) for sign in (1.0, -1.0)]
+        slope = (ends[0] - ends[1]) / (2.0 * (by_a + by_lag))
+        np.testing.assert_allclose(found.sensitivities["y"][:, k], slope, atol=1e-6 * np.abs(slope).max())
