@@ -15,8 +15,12 @@ from scipy.optimize import least_squares
 from fmus.kit.errors import UserError
 
 Array = NDArray[np.float64]
-_SAME = 1e-9  # in searched coordinates
+_NOWHERE = 1e-9  # from the best point, in searched coordinates, where a step back ends
 _ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
+
+
+class SearchEndedError(UserError):
+    """A search cannot go on: there is no time left, or nowhere to go."""
 
 
 class Minimum(NamedTuple):
@@ -44,7 +48,7 @@ def minimise(
     ----------
     residual, jacobian : callable
         Residuals (m,) and their Jacobian (m, p) at a point. From a point where a residual is not finite, or raises a
-        UserError, the search steps back.
+        UserError, the search steps back; at a SearchEndedError it ends with the best point so far.
     q, low, high : ndarray, shape (p,)
         Starting point and bounds; a coordinate whose bounds are equal stays there.
     tolerance : float
@@ -74,25 +78,31 @@ def minimise(
         point[free] = moved
         return point
 
+    best, least, started = q, float(begin @ begin), False
+
     def finite(moved: Array) -> Array:
+        nonlocal best, least, started
+        if not started:  # it is known, even if there is no time for any other
+            started = True
+            return begin
         point = at(moved)
-        # a start at a bound is moved off it by a rounding error
-        values = begin if np.abs(point - q).max() <= _SAME else residual_or_none(residual, point)
+        values = residual_or_none(residual, point)
+        if values is None and np.abs(point - best).max() <= _NOWHERE:
+            raise SearchEndedError("the model fails wherever the search could go")
+        if values is not None and (cost := float(values @ values)) < least:
+            best, least = point, cost
         return np.full_like(begin, np.inf) if values is None else values
 
     def slopes(moved: Array) -> Array:
         return jacobian(at(moved))[:, free]
 
-    solution = least_squares(
-        finite,
-        q[free],
-        slopes,
-        (low[free], high[free]),
-        ftol=tolerance,
-        xtol=_ROUNDING,
-        gtol=_ROUNDING,
-        max_nfev=trials,
-    )
+    try:
+        solution = least_squares(
+            finite, q[free], slopes, (low[free], high[free]), ftol=tolerance, xtol=_ROUNDING, gtol=_ROUNDING,
+            max_nfev=trials,
+        )  # fmt: skip
+    except SearchEndedError:
+        return Minimum(best, False)
     # it stays within the bounds by a rounding error
     ends = np.where(solution.active_mask < 0, low[free], high[free])
     return Minimum(at(np.where(solution.active_mask == 0, solution.x, ends)), solution.success)
@@ -102,6 +112,8 @@ def residual_or_none(residual: Callable[[Array], Array], q: Array) -> Array | No
     """Residual at a point; None where it is not finite or raises a UserError, so that a search has to step back."""
     try:
         values = residual(q)
+    except SearchEndedError:
+        raise
     except UserError:
         return None
     return values if np.isfinite(values).all() else None

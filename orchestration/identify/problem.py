@@ -19,6 +19,7 @@ from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import Trajectory
 from orchestration.identify.delay import DelayedModel
+from orchestration.identify.least_squares import SearchEndedError
 from orchestration.identify.noise import ORDER
 from orchestration.records.input_steps import input_steps
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
@@ -53,10 +54,6 @@ class Scale:
     def slope(self, q: float) -> float:
         """Return d value / d q."""
         return float(np.exp(q)) if self.logarithmic else self.size
-
-
-class OutOfTimeError(UserError):
-    """A search has no time left for another point."""
 
 
 class ModelOverRuns:
@@ -240,7 +237,7 @@ class Problem:
         def limited(q: Array) -> Array:
             nonlocal begun
             if begun and self.out_of_time():
-                raise OutOfTimeError("there is no time left to search on")
+                raise SearchEndedError("there is no time left to search on")
             begun = True
             return residual(q)
 

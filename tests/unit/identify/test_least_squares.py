@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.identify.least_squares import minimise
+from orchestration.identify.least_squares import SearchEndedError, minimise
 
 
 def valley(steepness):
@@ -78,10 +78,26 @@ def test_the_start_is_a_point_even_if_all_others_are_refused(start):
             raise UserError("there is no time left")
         return q - 3.0
 
-    found = minimise(rows, lambda q: np.eye(1), np.array([start]), np.array([-9.0]), np.array([9.0]), trials=20)
+    found = minimise(rows, lambda q: np.eye(1), np.array([start]), np.array([-9.0]), np.array([9.0]))
     assert found == (pytest.approx([start]), False)
 
 
 def test_a_search_that_starts_at_what_is_not_finite_is_refused():
     with pytest.raises(UserError, match="not finite"):
         minimise(lambda q: np.array([np.nan]), lambda q: np.eye(1), np.zeros(1), -np.ones(1), np.ones(1))
+
+
+def test_a_search_that_is_ended_keeps_its_best_point():
+    asked = []
+
+    def rows(q):
+        asked.append(q.copy())
+        if len(asked) > 6:
+            raise SearchEndedError("there is no time left")
+        return valley(10.0)[0](q)
+
+    wide = np.full(2, 1e9)
+    found = minimise(rows, valley(10.0)[1], np.array([-1.2, 1.0]), -wide, wide, 1e-12)
+    costs = [float((valley(10.0)[0](q) ** 2).sum()) for q in asked[:6]]
+    assert not found.converged
+    assert found.q == pytest.approx(asked[int(np.argmin(costs))])
