@@ -324,13 +324,13 @@ def diagnose(
         limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"), time=time,
     )  # fmt: skip
     measured, judged = held_out(record, holdout, subject, mapping, runs)
+    later = None if compare is None else matching_record(compare, subject, mapping)
     try:
         result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         raise _unusable(measured, error) from error
-    if compare is None:
+    if later is None:
         return DiagnosisResult(result)
-    later = matching_record(compare, subject, mapping)
     try:
         return DiagnosisResult(result, pipeline.compare(result, later, options, progress), later)
     except UnusableRecordError as error:

@@ -191,7 +191,7 @@ def diagnose(
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     selection, predictions, dropped = validated(_trusted(search, selection), validation)
     final, failed = _refitted(replace(search, data=usable), selection.best, holdout is None)
-    more = noise.spread_of(final.problem.names)
+    more = np.hypot(noise.spread_of(final.problem.names), intersample.spread(chosen, final))
     values = estimates(final, more)
     changed = [] if inconclusive else significantly_changed(final, search.parameters, more)
     physical = [name for name in search.parameters if name not in cls.layout.start_parameters]
@@ -242,8 +242,11 @@ def _refitted(search: Search, best: FittedCandidate, again: bool) -> tuple[Fitte
 
 def _trusted(search: Search, selection: Selection) -> Selection:
     """Return a selection with the fits that are reported."""
-    steps = [replace(step, chosen=search.trusted(step.chosen)) for step in selection.steps]
-    return replace(selection, base=search.trusted(selection.base), steps=steps)
+    models = [search.trusted(selection.base)]
+    for step in selection.steps:
+        models.append(search.trusted(step.chosen, models[-1]))
+    steps = [replace(step, chosen=chosen) for step, chosen in zip(selection.steps, models[1:], strict=True)]
+    return replace(selection, base=models[0], steps=steps)
 
 
 def _excitation_notes(notes: Sequence[Note], data: Dataset, excited: bool, starts: tuple[str, ...]) -> list[Note]:

@@ -21,7 +21,7 @@ from orchestration.discrepancy.design.stimuli import Limits
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
-from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.fmu.model import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.records import Record
@@ -206,7 +206,12 @@ def compare(
         raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(missing)}")
     progress(f"diagnosing {after.source.name}")
     given, budget = _parameters_given(chosen, result.model), _budget(chosen, part)
-    later = _diagnose(cls, part, result.effects, given, progress, held=chosen.hold, budget=budget)
+    try:
+        later = _diagnose(cls, part, result.effects, given, progress, held=chosen.hold, budget=budget)
+    except UnusableRecordError:
+        raise
+    except UserError as error:
+        raise UserError(f"{after.source.name}: {error}") from error
     data = Dataset.joined({**_usable(result.diagnosis, BEFORE), **_usable(later, AFTER)})
     best, there = _explaining(result.diagnosis), _explaining(later)
     candidate, values, parameters = best.candidate, dict[str, float](), [*map(base_name, best.problem.names)]

@@ -53,7 +53,7 @@ _NOTES = {
     NoteCode.INTERSAMPLE:
         "taken to {course} between samples, {basis}{margin}; --interpolate or --no-interpolate forces it",
     NoteCode.INTERSAMPLE_OPEN:
-        "taken to {course} between samples, {basis}, but the fits do not tell{margin}: the other way, {parameter} "
+        "taken to {course} between samples, {basis}, but not surely{margin}: the other way, {parameter} "
         "would be {factor:.4g} times as large; --interpolate or --no-interpolate forces it",
     NoteCode.INPUT_NOISE:
         "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive the outputs: "

@@ -78,10 +78,21 @@ class Search:
         problem = self._problem(candidate)
         return FittedCandidate(candidate, problem, self._fit(problem, problem.position(problem.start), None, prior_std))
 
-    def trusted(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much."""
-        problem = fitted.problem
+    def trusted(self, fitted: FittedCandidate, below: FittedCandidate | None = None) -> FittedCandidate:
+        """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much.
+
+        Parameters
+        ----------
+        fitted : FittedCandidate
+        below : FittedCandidate, optional
+            The model that it is laid over. It contains that one, so if its free run is farther from the record, which
+            a search that ran out of time may leave it at, it is fitted from there.
+        """
+        problem, scales = fitted.problem, error_scales(fitted.problem)
         free_run = fitted.free_run or fit_free_run(problem, [fitted.fit.q], self._physical(problem))
+        if below is not None and pooled_error(free_run.residual, scales) > pooled_error(below.fit.residual, scales):
+            at_rest = problem.position(problem.start | below.fit.values)
+            free_run = fit_free_run(problem, [at_rest], self._physical(problem))
         return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
     def fit_extended(self, screened: ScreenedCandidate) -> FittedCandidate:
@@ -119,6 +130,16 @@ class Search:
         problem = self._problem(fitted.candidate)
         q = problem.position(problem.start | fitted.fit.values)
         return FittedCandidate(fitted.candidate, problem, self._fit(problem, q, fitted.fit.noise))
+
+    def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
+        """Fit a model once more, from where one that contains it stands and in its noise; the likelier of the two.
+
+        The degrees of freedom and the colour of noise have several optima. One that only the richer model has found is
+        no evidence for what it has more.
+        """
+        again = self._again(below.candidate, richer.fit.values, richer)
+        better = again is not richer and again.fit.bic < below.fit.bic
+        return replace(below, problem=again.problem, fit=again.fit) if better else below
 
     def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""

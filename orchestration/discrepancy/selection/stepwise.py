@@ -80,6 +80,12 @@ class Selection:
         """Steps for which there is not much less evidence than for the first."""
         return [step for step in self.steps if step.gain >= SECONDARY * self.steps[0].gain]
 
+    def ending_in(self, best: FittedCandidate) -> Selection:
+        """The same, its best model fitted anew."""
+        if not self.steps:
+            return replace(self, base=best)
+        return replace(self, steps=[*self.steps[:-1], replace(self.steps[-1], chosen=best)])
+
     @property
     def best(self) -> FittedCandidate:
         """The model with every effect that was named."""
@@ -116,6 +122,10 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
         below = selection.best
         ranked = _fitted(search, below, scored, remaining)
         threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].gain if selection.steps else 0.0)
+        if ranked and ranked[0][1] > threshold:
+            below, before = search.nested(below, ranked[0][0]), below
+            ranked = [(fitted, gain - (before.fit.bic - below.fit.bic)) for fitted, gain in ranked]
+            selection = selection.ending_in(below)
         if not ranked or not ranked[0][1] > threshold:
             selection.rejected.extend(ranked)
             break
