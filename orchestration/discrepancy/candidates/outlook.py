@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from orchestration.identify.covariance import covariance
 from orchestration.identify.noise import Noise, Whitening, white
-from orchestration.identify.prediction_error import FitResult, noise_of
+from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ class LinearisedModel:
         self._gradient_of_prior = fit.prior_precision * (fit.q - self._centre)
         low, high = problem.bounds()
         self._bounds = low - fit.q, high - fit.q
-        self._problem = problem
+        self._estimate = problem.noise
         self._whitenings = [self._whitening(noise) for noise in (fit.noise, white(error))]
 
     def _whitening(self, noise: Mapping[str, Noise]) -> tuple[Whitening, Array, Array, Array]:
@@ -136,7 +136,7 @@ class LinearisedModel:
             amount = float(np.clip(wanted, least, most))
             step = np.clip(-spread @ gradient - amount * along, *self._bounds)
             remaining = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
-            noise = noise_of(self._problem, remaining)
+            noise = self._estimate(remaining)
             whitened = Whitening.of(noise, remaining, self._present)
         below = self._fit
         moved = below.q + step - self._centre
