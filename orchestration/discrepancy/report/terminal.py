@@ -82,8 +82,7 @@ def _evidence(diagnosis: Diagnosis) -> Table:
     for step in diagnosis.selection.steps:
         rows.add_row(step.chosen.effect_name, f"{step.gain:.1f}", "named")
         for alternative in step.alternatives:
-            fall = step.gain - (alternative.fit.bic - step.chosen.fit.bic)
-            rows.add_row(alternative.effect_name, f"{fall:.1f}", "not told apart")
+            rows.add_row(alternative.effect_name, f"{step.gains[alternative.effect_name]:.1f}", "not told apart")
     for candidate, fall in diagnosis.selection.rejected[:_REJECTED]:
         rows.add_row(candidate.effect_name, f"{fall:.1f}", "rejected")
     return rows

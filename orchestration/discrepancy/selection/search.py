@@ -52,6 +52,9 @@ class Search:
         Parameters that differ from run to run. Where states start does so anyway.
     farthest : float
         Pooled error of the free run that no candidate may pass; known once the nominal model was fitted.
+    freedom : Mapping of str to float
+        Of the noise of every output, the same for all that are held against each other: which distribution fits what a
+        model leaves may change from one point to the next, and with it the likelihood by more than an effect is worth.
     """
 
     data: Dataset
@@ -63,6 +66,7 @@ class Search:
     not_assessed: dict[str, Note] = field(default_factory=dict)
     each: Sequence[str] = ()
     farthest: float = np.inf
+    freedom: Mapping[str, float] = field(default_factory=dict)
 
     def nominal(self) -> FittedCandidate:
         """Fit the model without effects, from several starts."""
@@ -70,6 +74,7 @@ class Search:
         problem = self._problem(candidate)
         free_run = fit_free_run(problem, starting_points(problem), self._physical(problem))
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
+        self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         return FittedCandidate(candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run)
 
     def near_nominal(self, prior_std: float) -> FittedCandidate:
@@ -126,6 +131,15 @@ class Search:
             best = min(best, self._again(moving, best.problem.start | best.fit.values, best), key=lambda e: e.fit.bic)
         return best
 
+    def renewed(self, fitted: FittedCandidate) -> FittedCandidate:
+        """Look at the noise anew, now that a model explains more of a record, and fit it once more if that changed."""
+        problem = fitted.problem
+        problem.freedom = {}
+        freedom = {o: noise.freedom for o, noise in problem.noise(fitted.fit.residual).items()}
+        problem.freedom, changed = freedom, freedom != self.freedom
+        self.freedom = freedom
+        return replace(fitted, fit=self._fit(problem, fitted.fit.q, None)) if changed else fitted
+
     def refit(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit a model that was selected on another part of the record to this one."""
         self.progress(f"fitting {fitted.candidate.name} to all of the record")
@@ -151,7 +165,7 @@ class Search:
         made = Problem(
             candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
         )
-        made.out_of_time = self.budget.spent
+        made.out_of_time, made.freedom = self.budget.spent, self.freedom
         return made
 
     def _problem(self, candidate: Candidate) -> Problem:
