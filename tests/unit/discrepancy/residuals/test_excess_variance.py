@@ -7,8 +7,8 @@ import pytest
 
 from orchestration.discrepancy.residuals.excess_variance import excess_variance_at_input_steps
 from orchestration.discrepancy.residuals.innovations import innovations_of
-from orchestration.discrepancy.residuals.jumps import input_steps
 from orchestration.identify.noise import Noise
+from orchestration.records.input_steps import input_steps
 from tests.support.residuals import EVERY, N, noise
 
 WHITE = Noise(np.empty(0), 1.0)
