@@ -3,6 +3,7 @@
 Their records are simulated here by matrix exponentials and by SciPy on equations written anew, none by the kit.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from fmus import component
+from fmus.voice_coil_dma.effects import EFFECTS
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose, searched
@@ -179,3 +181,46 @@ def test_a_changed_parameter_of_a_stiff_component_is_found(name):
 def test_a_clean_record_of_a_stiff_component_is_consistent(name):
     found, _ = diagnosed(name, CASES[name].nominal, 8)
     assert (found.verdict, found.causes) == (Verdict.CONSISTENT, [])
+
+
+def dry_slide():
+    """Six seconds at 500 Hz of a coil on a slide with 0.3 N of dry friction, by Runge and Kutta in steps of 50 us."""
+    R, L, K, m, b, cut, spring, damping = 3.0, 1e-3, 3.9, 0.3, 6.0, 2.0 * np.pi * 100.0, 300.0, 1.0
+    n, inner, step, random = 3000, 40, 0.002, np.random.default_rng(3)
+    voltage = np.repeat(random.choice([0.8, 2.0, 3.2, 4.4], n // 50 + 1), 50)[:n]
+
+    def flow(state, v):
+        i, x, w, z = state
+        dry, pull = 0.3 * math.tanh(w / 1e-4), spring * x + damping * w
+        return (v - R * i - K * w) / L, w, (K * i - b * w - dry - pull) / m, cut * (x - z)
+
+    def moved(state, by, rate):
+        return [s + by * r for s, r in zip(state, rate, strict=True)]
+
+    state, states, dt = [0.0, 0.0, 0.0, 0.0], [], step / inner
+    for v in voltage:
+        states.append(state)
+        for _ in range(inner):
+            k1 = flow(state, v)
+            k2 = flow(moved(state, dt / 2, k1), v)
+            k3 = flow(moved(state, dt / 2, k2), v)
+            k4 = flow(moved(state, dt, k3), v)
+            mean = [(p + 2.0 * q + 2.0 * r + s) / 6.0 for p, q, r, s in zip(k1, k2, k3, k4, strict=True)]
+            state = moved(state, dt, mean)
+    i, x, w, z = np.array(states).T
+    outputs = {
+        "coil_current": i + 1e-3 * random.standard_normal(n), "position_measured": z + 1e-5 * random.standard_normal(n)
+    }  # fmt: skip
+    return step * np.arange(n), {"force_reference": voltage, "tension": spring * x + damping * w}, outputs
+
+
+def test_dry_friction_of_the_bench_is_named_and_no_parameter_takes_its_place():
+    time, inputs, outputs = dry_slide()
+    cls = component("voice_coil_dma")
+    inputs = {v.name: np.full(time.size, float(v.start)) for v in cls.layout.inputs} | inputs
+    data = Dataset(time, inputs, outputs, frozenset({"tension"}))
+    known = {"controller_on": 0.0, "m": 0.3, "sample_period": 0.002}
+    found = diagnose(cls, data, list(EFFECTS.values()), known)
+    assert (found.verdict, found.causes) == (Verdict.CAUSE, ["coulomb_friction"])
+    assert found.estimates["coulomb_force"].value == pytest.approx(0.3, rel=3e-3)
+    assert found.estimates["L"].value == pytest.approx(1e-3, rel=0.05)
