@@ -19,7 +19,9 @@ from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import Trajectory
 from orchestration.identify.delay import DelayedModel
-from orchestration.identify.noise import ORDER
+from orchestration.identify.least_squares import SearchEndedError
+from orchestration.identify.noise import ORDER, Noise, estimate
+from orchestration.records.input_steps import input_steps
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
 Array = NDArray[np.float64]
@@ -52,10 +54,6 @@ class Scale:
     def slope(self, q: float) -> float:
         """Return d value / d q."""
         return float(np.exp(q)) if self.logarithmic else self.size
-
-
-class OutOfTimeError(UserError):
-    """A search has no time left for another point."""
 
 
 class ModelOverRuns:
@@ -180,6 +178,8 @@ class Problem:
         Simulations made.
     out_of_time : callable
         Whether there is no time left to search on; never, unless replaced.
+    freedom : Mapping of str to float
+        Of the noise of outputs, where it is to be the same whatever a model leaves, so that likelihoods are comparable.
 
     Raises
     ------
@@ -212,6 +212,7 @@ class Problem:
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
+        self.freedom: Mapping[str, float] = {}
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -239,11 +240,17 @@ class Problem:
         def limited(q: Array) -> Array:
             nonlocal begun
             if begun and self.out_of_time():
-                raise OutOfTimeError("there is no time left to search on")
+                raise SearchEndedError("there is no time left to search on")
             begun = True
             return residual(q)
 
         return limited
+
+    def noise(self, residual: Mapping[str, Array]) -> dict[str, Noise]:
+        """Noise that is estimated from a residual, (m,) by output."""
+        return {
+            o: estimate(e, self.present[o], self.order, self.calm[o], self.freedom.get(o)) for o, e in residual.items()
+        }
 
     def forget(self) -> None:
         """Let go of the last simulation."""
@@ -305,12 +312,6 @@ class Problem:
         low, high = self.bounds()
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
         return np.clip(q, low + nudge, high - nudge)
-
-
-def input_steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
-    """Where any input differs from the sample before by more than a hundredth of its range; `count` without inputs."""
-    moved = [np.abs(np.diff(u, prepend=u[:1])) > 0.01 * np.ptp(u) for u in inputs.values() if np.ptp(u) > 0.0]
-    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
 
 
 def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from fmus.kit.build.library_cache import library
 from fmus.kit.build.sources import FOLDER, UNIT, fmi_headers, unit
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
+from fmus.kit.layout import Layout
 from fmus.kit.record.interpreted import Interpreted
 from fmus.kit.record.linearisation import Ladder, Linearisation
 from fmus.kit.symbolic import codegen
@@ -28,6 +30,9 @@ from fmus.kit.symbolic.sensitivity import with_sensitivities
 from fmus.kit.symbolic.trace import Graph, trace
 
 Array = NDArray[np.float64]
+# CasADi counts references to its constants, which all expressions share, without regard to threads: to make or to drop
+# expressions in two threads at once ends the process.
+_EXPRESSIONS = RLock()
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -64,16 +69,23 @@ class CompiledModel:
     """
 
     def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
-        base = model if isinstance(model, Graph) else trace(model)
-        if not base.restorable:
-            raise UserError(f"{base.name} has no equations: it stands for something outside; simulate or run it")
-        self.layout = base.layout
         self.names = list(sensitivities)
-        self._graph = with_sensitivities(base, self.names)
-        self._linearisation = Linearisation(base, self._graph)
-        hoisted, self._hoisted = hoist(self._graph)
-        states = len(base.layout.states)
-        self._engine = _Library(hoisted, states) if _compiler() else Interpreted(hoisted)
+        with _EXPRESSIONS:
+            base = model if isinstance(model, Graph) else trace(model)
+            if not base.restorable:
+                raise UserError(f"{base.name} has no equations: it stands for something outside; simulate or run it")
+            self.layout = base.layout
+            self._graph = with_sensitivities(base, self.names)
+            self._linearisation = Linearisation(base, self._graph)
+            hoisted, self._hoisted = hoist(self._graph)
+            layout = hoisted.layout
+            made = _sources(hoisted, len(base.layout.states)) if _compiler() else Interpreted(hoisted)
+            del base, hoisted
+        self._engine = made if isinstance(made, Interpreted) else _Library(layout, made)
+
+    def __del__(self) -> None:
+        with _EXPRESSIONS:
+            self.__dict__.clear()
 
     def run(
         self,
@@ -127,7 +139,8 @@ class CompiledModel:
         times = np.ascontiguousarray(time, dtype=float)
         named = {v.name for v in layout.inputs} if linear is True else linear or ()
         moving = np.array([float(v.name in named) for v in layout.inputs])
-        ladder = self._linearisation.ladder(times, table, bool(moving.any()), vector)
+        with _EXPRESSIONS:  # some are made when they are needed first
+            ladder = self._linearisation.ladder(times, table, bool(moving.any()), vector)
         outputs, states = self._engine.simulate(times, table, moving, everything, self._graph.tolerance, effort, ladder)
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
@@ -159,17 +172,16 @@ class _Ladder(ctypes.Structure):
     """`Ladder` as ``exponential.c`` has it."""
 
     _fields_ = (
-        ("levels", ctypes.c_int), ("affine", ctypes.c_int), ("largest", ctypes.c_double), ("matrix", _DOUBLES),
-        ("phi", _DOUBLES),
+        ("levels", ctypes.c_int), ("affine", ctypes.c_int), ("largest", ctypes.c_double),
+        ("worth", ctypes.c_double), ("matrix", _DOUBLES), ("phi", _DOUBLES),
     )  # fmt: skip
 
 
 class _Library:
-    """A graph, compiled; of its states the first are those of the component."""
+    """A graph, compiled."""
 
-    def __init__(self, graph: Graph, states: int):
-        self._function = _load(graph, states)
-        layout = graph.layout
+    def __init__(self, layout: Layout, sources: dict[str, bytes]):
+        self._function = _load(sources)
         self._outputs, self._states = len(layout.outputs), len(layout.states) + len(layout.discretes)
 
     def simulate(
@@ -180,7 +192,12 @@ class _Library:
         outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
         message = ctypes.create_string_buffer(1024)
         given = ladder and _Ladder(
-            ladder.levels, int(ladder.affine), ladder.largest, _pointer(ladder.matrix), _pointer(ladder.phi)
+            ladder.levels,
+            int(ladder.affine),
+            ladder.largest,
+            ladder.worth,
+            _pointer(ladder.matrix),
+            _pointer(ladder.phi),
         )
         failed = self._function(
             len(time), _pointer(time), _pointer(table), _pointer(linear), _pointer(parameters), tolerance, effort,
@@ -191,12 +208,16 @@ class _Library:
         return outputs, states
 
 
-def _load(graph: Graph, states: int) -> Any:
-    """Compile, or take from the cache, and bind ``ppy_simulate``."""
+def _sources(graph: Graph, states: int) -> dict[str, bytes]:
+    """C files of a graph, of whose states the first are those of the component."""
     sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()} | fmi_headers()
     sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
     sources["record.h"] = f"#define RECORD_STATES {states}\n".encode()
-    sources[UNIT] = unit("record.c", "native.c", "model.c", "laws.c")
+    return sources | {UNIT: unit("record.c", "native.c", "model.c", "laws.c")}
+
+
+def _load(sources: dict[str, bytes]) -> Any:
+    """Compile, or take from the cache, and bind ``ppy_simulate``."""
     target = toolchain.host_platform()
     path = library(sources, UNIT, target, () if target == "win64" else ("m",))
     function = ctypes.CDLL(str(path)).ppy_simulate

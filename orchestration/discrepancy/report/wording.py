@@ -53,7 +53,7 @@ _NOTES = {
     NoteCode.INTERSAMPLE:
         "taken to {course} between samples, {basis}{margin}; --interpolate or --no-interpolate forces it",
     NoteCode.INTERSAMPLE_OPEN:
-        "taken to {course} between samples, {basis}, but the fits do not tell{margin}: the other way, {parameter} "
+        "taken to {course} between samples, {basis}, but not surely{margin}: the other way, {parameter} "
         "would be {factor:.4g} times as large; --interpolate or --no-interpolate forces it",
     NoteCode.INPUT_NOISE:
         "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive the outputs: "
@@ -279,5 +279,12 @@ def comparison(found: Sequence[Change]) -> str:
     claimed = [change for change in found if change.changed]
     if not claimed:
         return "Nothing changed beyond noise."
-    parts = [f"{c.name}, times {c.after / c.before:.3g}" if c.before else c.name for c in claimed]
-    return f"What changed: {'; '.join(parts)}."
+    return f"What changed: {'; '.join(map(_changed, claimed))}."
+
+
+def _changed(change: Change) -> str:
+    """One change in words; of an effect that one record does not have, that it came or went."""
+    if change.lacking[0] != change.lacking[1]:
+        return f"{change.effect} {'appeared' if change.lacking[0] else 'vanished'}"
+    name = f"{change.effect} ({change.name})" if change.effect else change.name
+    return f"{name}, times {change.after / change.before:.3g}" if change.before else name

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import expit
+from scipy.stats import norm
 
 from fmus.kit import Component
 from fmus.kit.errors import UserError
@@ -17,10 +22,12 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.input_noise import disturbances, noisy_inputs, simulated
 from orchestration.discrepancy.selection.search import Search
 
+Array = NDArray[np.float64]
 CLEAR = 10.0  # fall of BIC that overrules the course of an input: very strong evidence (Kass and Raftery 1995)
 # Half a sample of an unknown lag looks a little like the other choice. Then a record asks for another amount of it
 # than all: more than twice as much, and more than three standard errors from it.
 _OTHERWISE, _SURELY = 1.0 / 3.0, 9.0
+_POSITIVE = 2.0  # fall of BIC that decides where both ways were fitted: positive evidence (ibid.)
 _MATTERS = 1.0  # standard errors by which a parameter must hang on the choice to be worth a remark
 
 
@@ -50,6 +57,8 @@ class Intersample:
         Parameter that would surely be another with the other choice, where the fits do not tell; empty if none would.
     factor : float
         By which it would be another.
+    shift : Mapping of str to float
+        By how much coordinates of the model would be others, where both ways were fitted and neither is clear.
     """
 
     linear: bool
@@ -57,6 +66,7 @@ class Intersample:
     margin: float | None = None
     hangs: str = ""
     factor: float = 1.0
+    shift: Mapping[str, float] = field(default_factory=dict)
 
 
 def by_course(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
@@ -117,18 +127,45 @@ def by_fit(
         return search, base, chosen
     asked = {n for n, amount in amounts.items() if _asked(amount)}
     assessed = {n: _assessed(choice, base, amounts.get(n)) for n, choice in chosen.items()}
-    if not asked:
-        return search, base, assessed
-    other = replace(search, data=replace(search.data, linear=now ^ asked))
+    if asked and (turned := _turned(search, base, asked)) is not None:
+        margin = base.fit.bic - turned[1].fit.bic
+        if margin < CLEAR:
+            assessed |= {n: replace(assessed[n], margin=-margin) for n in asked}
+        else:
+            search, base = turned
+            assessed |= {n: Intersample(not chosen[n].linear, Basis.FIT, margin) for n in asked}
+    for name, choice in assessed.items():
+        if choice.hangs:
+            search, base, assessed[name] = _by_both_fits(search, base, name, choice)
+    return search, base, assessed
+
+
+def _turned(search: Search, base: FittedCandidate, names: Collection[str]) -> tuple[Search, FittedCandidate] | None:
+    """The base model fitted with some inputs the other way; None if that fails."""
+    now = frozenset(search.data.inputs if search.data.linear is True else search.data.linear or ())
+    other = replace(search, data=replace(search.data, linear=now ^ frozenset(names)))
     try:
-        fitted = other.refit(base)
+        return other, other.refit(base)
     except UserError:
-        return search, base, assessed
-    margin = base.fit.bic - fitted.fit.bic
-    if margin < CLEAR:
-        return search, base, assessed | {n: replace(assessed[n], margin=-margin) for n in asked}
-    overruled = {n: Intersample(not chosen[n].linear, Basis.FIT, margin) for n in asked}
-    return other, fitted, assessed | overruled
+        return None
+
+
+def _by_both_fits(
+    search: Search, base: FittedCandidate, name: str, choice: Intersample
+) -> tuple[Search, FittedCandidate, Intersample]:
+    """Take the likelier way of an input on which parameters hang: what they take over is not linear in them."""
+    other = _turned(search, base, [name])
+    if other is None:
+        return search, base, choice
+    margin = other[1].fit.bic - base.fit.bic
+    if margin < -_POSITIVE:
+        margin, choice = -margin, replace(choice, linear=not choice.linear, basis=Basis.FIT)
+        (search, base), other = other, (search, base)
+    if margin >= CLEAR:
+        basis = Basis.FIT if choice.basis is Basis.DEFAULT else choice.basis
+        return search, base, Intersample(choice.linear, basis, margin)
+    shift = dict(zip(base.problem.names, other[1].fit.q - base.fit.q, strict=True))
+    return search, base, replace(_hanging(choice, base, shift), margin=margin, shift=shift)
 
 
 def _asked(amount: Amount) -> bool:
@@ -147,17 +184,53 @@ def _assessed(choice: Intersample, base: FittedCandidate, amount: Amount | None)
         return replace(choice, basis=Basis.FIT if choice.basis is Basis.DEFAULT else choice.basis, margin=margin)
     if choice.basis is Basis.COURSE and not choice.linear:  # nothing but an output stage rests between steps
         return replace(choice, margin=margin)
+    choice = replace(choice, margin=margin)
+    if margin <= -CLEAR:  # it asks for neither of the two
+        return choice
+    return _hanging(choice, base, dict(zip(base.problem.names, amount.shift, strict=True)))
+
+
+def _hanging(choice: Intersample, base: FittedCandidate, shift: Mapping[str, float]) -> Intersample:
+    """Add which parameter would most surely be another with the other choice, if any would."""
     problem, fit = base.problem, base.fit
     errors = fit.covariance.standard_errors
     turns = {
-        n: (shift / error, problem.scales[i].value(fit.q[i] + shift) / fit.values[n])
-        for i, (n, shift, error) in enumerate(zip(problem.names, amount.shift, errors, strict=True))
+        n: (shift[n] / error, problem.scales[i].value(fit.q[i] + shift[n]) / fit.values[n])
+        for i, (n, error) in enumerate(zip(problem.names, errors, strict=True))
         if not problem.declared[n].starts and np.isfinite(error) and fit.values[n]
     }
     most = max(turns, key=lambda n: abs(turns[n][0]), default="")
     if not most or abs(turns[most][0]) < _MATTERS:
-        return replace(choice, margin=margin)
-    return replace(choice, margin=margin, hangs=most, factor=turns[most][1])
+        return replace(choice, hangs="", factor=1.0)
+    return replace(choice, hangs=most, factor=turns[most][1])
+
+
+def spread(chosen: Mapping[str, Intersample], model: FittedCandidate) -> Array:
+    """Deviation of parameters (p,) on top of that of the fit, where the other way of an input may be as likely.
+
+    Either way has the weight of its BIC, and the interval holds 95 % of both together (Bayesian model averaging;
+    Hoeting and others, Statistical Science 14, 1999).
+    """
+    errors = model.fit.covariance.standard_errors
+    seen = np.isfinite(errors) & (errors > 0.0)
+    more = np.zeros(len(errors))
+    for choice in chosen.values():
+        weight = float(expit(-(choice.margin or 0.0) / 2.0))
+        for i in np.flatnonzero(seen):
+            apart = choice.shift.get(model.problem.names[i], 0.0) / errors[i]
+            wider = _half_width(abs(apart), weight) / _half_width(0.0, weight)
+            more[i] = np.hypot(more[i], errors[i] * np.sqrt(max(wider**2 - 1.0, 0.0)))
+    return more
+
+
+def _half_width(apart: float, weight: float) -> float:
+    """Of the interval about 0 with 95 % of two unit normal distributions, one so far apart and of this weight."""
+    plain = float(norm.ppf(0.975))
+
+    def outside(half: float) -> float:
+        return float((1.0 - weight) * 2.0 * norm.sf(half) + weight * (norm.sf(half - apart) + norm.sf(half + apart)))
+
+    return float(brentq(lambda half: outside(half) - 0.05, plain - 1e-3, plain + apart + 1e-3))
 
 
 def remarks(chosen: dict[str, Intersample]) -> list[Note]:

@@ -45,6 +45,8 @@ class Step:
         Others that were fitted, with their gain.
     confounding : dict of str to float
         Share of what it does that other effects do too, by their label.
+    gains : dict of str to float
+        That of every candidate, by its label; the fits may be made anew since.
     """
 
     chosen: FittedCandidate
@@ -53,6 +55,7 @@ class Step:
     alternatives: list[FittedCandidate]
     rejected: list[tuple[FittedCandidate, float]]
     confounding: dict[str, float] = field(default_factory=dict)
+    gains: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,12 @@ class Selection:
     def strong(self) -> list[Step]:
         """Steps for which there is not much less evidence than for the first."""
         return [step for step in self.steps if step.gain >= SECONDARY * self.steps[0].gain]
+
+    def ending_in(self, best: FittedCandidate) -> Selection:
+        """The same, its best model fitted anew."""
+        if not self.steps:
+            return replace(self, base=best)
+        return replace(self, steps=[*self.steps[:-1], replace(self.steps[-1], chosen=best)])
 
     @property
     def best(self) -> FittedCandidate:
@@ -116,6 +125,10 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
         below = selection.best
         ranked = _fitted(search, below, scored, remaining)
         threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].gain if selection.steps else 0.0)
+        if ranked and ranked[0][1] > threshold:
+            below, before = search.nested(below, ranked[0][0]), below
+            ranked = [(fitted, gain - (before.fit.bic - below.fit.bic)) for fitted, gain in ranked]
+            selection = selection.ending_in(below)
         if not ranked or not ranked[0][1] > threshold:
             selection.rejected.extend(ranked)
             break
@@ -130,7 +143,8 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
         nearest = min(able, key=lambda model: _distance(model.model, chosen))
         shares = confounding(nearest, effect, [other for other in remaining if not _interchangeable(other, effect)])
         p_value = chosen.p_value(below, selection.tried)
-        selection.steps.append(Step(chosen, gain, p_value, alternatives, rejected, shares))
+        chosen, gains = search.renewed(chosen), {e.effect_name: g for e, g in ranked}
+        selection.steps.append(Step(chosen, gain, p_value, alternatives, rejected, shares, gains))
         scored = [ScoredModel(chosen, nearest.directions)]
     for fitted, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
         search.not_assessed.pop(fitted.effect_name, None)  # from elsewhere it could be fitted

@@ -6,16 +6,19 @@ The records are SciPy's: currents that are functions of time between the samples
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter, sawtooth
 
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.selection.intersample import Basis
+from orchestration.discrepancy.selection.intersample import Basis, Intersample, spread
+from orchestration.fmu.model import find_model
 from tests.support.diagnosis import short_record
 from tests.support.intersample_records import TRUE, record
 
@@ -83,6 +86,44 @@ def test_where_the_fits_do_not_tell_it_is_said_what_hangs_on_it():
     assert choice.factor == pytest.approx(1.0 + 0.1 / (2.0 * TRUE["C"] * TRUE["R1"]), rel=0.01)
     (note,) = [note for note in diagnosis.notes if note.code is NoteCode.INTERSAMPLE_OPEN]
     assert "the other way, R1 would be 1.0" in wording.message(note)
+    assert abs(choice.margin) < 10.0
+    estimate = diagnosis.estimates["R1"]
+    low, high = estimate.interval
+    assert low < TRUE["R1"] < high
+    assert low < choice.factor * estimate.value < high
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_lag_that_takes_over_half_a_sample_has_an_interval_of_both(seed):
+    """Held or not, a lag of first order does nearly the same with another time: half a sample more or less."""
+    time = np.arange(2000) / 20.0
+    command = 2.2 * sawtooth(2.0 * np.pi * time / 18.0 + 0.4, 0.5)
+    decay = np.exp(-0.05 / 0.3)
+    current = lfilter([0.0, 1.0 - decay], [1.0, -decay], np.clip(command, -1.05, 1.05))  # held
+    noisy = current + 0.04 * np.random.default_rng(seed).standard_normal(2000)
+    data = Dataset(time, {"current_command": command}, {"current": noisy})
+    given = {"response_time": 0.3, "current_limit": 1.05}
+    diagnosis = diagnose(find_model("galvanostat").cls, data, [], given)
+    choice = diagnosis.intersample["current_command"]
+    assert (choice.linear, choice.hangs) == (False, "response_time")
+    low, high = diagnosis.estimates["response_time"].interval
+    assert low < 0.3 < high
+
+
+@pytest.mark.parametrize("apart", [0.0, 1.0, 4.0, -12.0])
+@pytest.mark.parametrize("margin", [0.0, 3.0, 9.0])
+def test_an_interval_holds_95_percent_of_both_ways(apart, margin):
+    """By a million draws from the two, weighted by their BIC."""
+    random = np.random.default_rng(5)
+    other = random.random(1_000_000) < 1.0 / (1.0 + np.exp(margin / 2.0))
+    drawn = 0.02 * random.standard_normal(1_000_000) + np.where(other, 0.02 * apart, 0.0)
+    fit = SimpleNamespace(covariance=SimpleNamespace(standard_errors=np.array([0.02, np.inf])))
+    model = SimpleNamespace(fit=fit, problem=SimpleNamespace(names=["R1", "C"]))
+    choice = Intersample(True, Basis.COURSE, margin, shift={"R1": 0.02 * apart, "C": 1.0})
+    more = spread({"current": choice}, model)
+    half = 1.96 * np.hypot(0.02, more[0])
+    assert np.mean(np.abs(drawn) < half) == pytest.approx(0.95, abs=0.002)
+    assert more[1] == 0.0
 
 
 @pytest.mark.parametrize("hidden", ["strain_lag", "transport_delay", "sensor_lag", "diffusion"])

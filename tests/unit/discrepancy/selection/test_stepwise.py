@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,17 @@ def test_looking_at_many_effects_has_its_price(seed):
     enough_for_one = VERY_STRONG + PARAMETER + 0.5 * price
     assert named(enough_for_one, [OFFSET, *OTHERS], seed) == []
     assert "force_offset" in named(enough_for_one + price + MARGIN, [OFFSET, *OTHERS], seed)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_the_model_itself_can_do_is_no_evidence_for_more(seed):
+    """A base model that stopped at a lesser optimum; an effect that does nothing comes with the better one."""
+    search = Search(offset_record(0.0, seed), Amplifier, ["gain"])
+    best = search.nominal()
+    lesser = replace(best, fit=replace(best.fit, deviance=best.fit.deviance + 60.0))
+    selection = select(search, [OFFSET], lesser)
+    assert selection.steps == []
+    assert selection.base.fit.deviance == pytest.approx(best.fit.deviance, abs=0.1)
 
 
 STRONG = 6.0  # difference of BIC (Kass and Raftery)
