@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from orchestration.identify.tails import heavy_tails, weights
+from orchestration.identify.tails import heavy_tails, scale_of, weights
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
@@ -215,8 +215,9 @@ def white(residual: Mapping[str, Array]) -> dict[str, Noise]:
 
 
 def estimate(
-    residual: Array, present: NDArray[np.bool_], order: int = ORDER, calm: NDArray[np.bool_] | None = None
-) -> Noise:
+    residual: Array, present: NDArray[np.bool_], order: int = ORDER, calm: NDArray[np.bool_] | None = None,
+    freedom: float | None = None,
+) -> Noise:  # fmt: skip
     """Noise of a residual; its order is chosen by BIC, and so are heavy tails.
 
     Parameters
@@ -228,6 +229,8 @@ def estimate(
     calm : ndarray of bool, shape (m,), optional
         Samples that tell whether the tails are heavy, those at which a model that lacks something has no reason to be
         far off; without it noise is Gaussian.
+    freedom : float, optional
+        Degrees of freedom of the tails where they are known.
 
     Returns
     -------
@@ -236,14 +239,15 @@ def estimate(
     noise = _gaussian(residual, present, order)
     if calm is None:
         return noise
-    freedom, _ = heavy_tails(noise.whiten(residual, present)[calm])
+    known = freedom
+    freedom = heavy_tails(noise.whiten(residual, present)[calm])[0] if known is None else known
     if freedom == inf:
         return noise
     # far samples make colour look weaker than it is
     far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
     noise = _gaussian(np.clip(residual, -far, far), present, order)
     innovation = noise.whiten(residual, present)
-    freedom, scale = heavy_tails(innovation[calm])
+    freedom, scale = heavy_tails(innovation[calm]) if known is None else (known, scale_of(innovation[calm], known))
     return Noise(noise.coefficients, (noise.deviation * scale) or _LEAST, freedom)
 
 

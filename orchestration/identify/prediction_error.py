@@ -313,7 +313,10 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     """How likely a point makes the record, in the noise that is estimated from its residual."""
     q = minimum.q
     residual, slopes = problem.evaluate(q)
-    noise = {o: estimate(e, problem.present[o], problem.order, problem.calm[o]) for o, e in residual.items()}
+    noise = {
+        o: estimate(e, problem.present[o], problem.order, problem.calm[o], problem.freedom.get(o))
+        for o, e in residual.items()
+    }
     innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
     weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
     jacobian = {o: n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()}

@@ -178,6 +178,8 @@ class Problem:
     scales : list of Scale
     evaluations : int
         Simulations made.
+    freedom : dict of str to float
+        Degrees of freedom of the noise of outputs where they are not to be estimated; none unless given.
     out_of_time : callable
         Whether there is no time left to search on; never, unless replaced.
 
@@ -212,6 +214,7 @@ class Problem:
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
+        self.freedom: dict[str, float] = {}
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:

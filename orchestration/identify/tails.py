@@ -42,6 +42,11 @@ def heavy_tails(innovation: Array) -> tuple[float, float]:
     return (inf, size) if freedom == inf else (freedom, _scaled(innovation, freedom)[1])
 
 
+def scale_of(innovation: Array, freedom: float) -> float:
+    """Scale of innovations (n,) of a t distribution with so many degrees of freedom, by maximum likelihood."""
+    return _scaled(innovation, freedom)[1]
+
+
 def weights(innovation: Array, freedom: float) -> Array:
     """How much every innovation (m,) counts in a sum of squares with the slope of minus the log likelihood."""
     return np.ones_like(innovation) if freedom == inf else np.asarray((freedom + 1.0) / (freedom + innovation**2))

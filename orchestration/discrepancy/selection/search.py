@@ -125,10 +125,10 @@ class Search:
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
         """Fit a model once more, from where one that contains it stands and in its noise; the likelier of the two.
 
-        The degrees of freedom and the colour of noise have several optima. One that only the richer model has found is
-        no evidence for what it has more.
+        The colour and the tails of noise have several optima. One that only the richer model has found is no evidence
+        for what it has more.
         """
-        again = self._again(below.candidate, richer.fit.values, richer)
+        again = self._again(below.candidate, richer.fit.values, richer, alike=True)
         better = again is not richer and again.fit.bic < below.fit.bic
         return replace(below, problem=again.problem, fit=again.fit) if better else below
 
@@ -146,8 +146,12 @@ class Search:
     def _problem(self, candidate: Candidate) -> Problem:
         return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
 
-    def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
+    def _again(
+        self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate, alike: bool = False
+    ) -> FittedCandidate:
+        """Fit a candidate beginning with values and noise of another fit, with tails alike if they are to be."""
         problem = self._problem(candidate)
+        problem.freedom = {o: n.freedom for o, n in fitted.fit.noise.items()} if alike else {}
         q = problem.position(problem.start | dict(start))
         try:
             return FittedCandidate(candidate, problem, self._fit(problem, q, fitted.fit.noise))
