@@ -86,6 +86,9 @@ class DiagnosisResult:
     Parameters
     ----------
     result : pipeline.Result
+    changes : list of Change, optional
+    later : Record, optional
+        In which they were found.
 
     Attributes
     ----------
@@ -115,8 +118,8 @@ class DiagnosisResult:
         What changed in a later record, where one was given.
     """
 
-    def __init__(self, result: pipeline.Result, changes: Sequence[Change] | None = None):
-        self._result = result
+    def __init__(self, result: pipeline.Result, changes: Sequence[Change] | None = None, later: Record | None = None):
+        self._result, self._later = result, later
         self.changes: list[Change] | None = None if changes is None else list(changes)
         diagnosis = result.diagnosis
         errors = result.gain or diagnosis
@@ -146,7 +149,7 @@ class DiagnosisResult:
         """What ``ppy diagnose`` prints."""
         parts: list[RenderableType] = [terminal.overview(self._result)]
         if self.changes is not None:
-            parts.append(terminal.comparison(self.changes, self._result.diagnosis.selection.best.problem.declared))
+            parts.append(terminal.comparison(self.changes))
         return parts
 
     def __repr__(self) -> str:
@@ -212,7 +215,8 @@ class DiagnosisResult:
             raise UserError(f"{target}: the name of a report ends in .html")
         sources = dict.fromkeys(str(record.source) for record in self.records)
         same = ["ppy", "diagnose", *sources, "--model", self._result.model.name]
-        page(self._result, command or shlex.join(same)).write(target)
+        same += ["--compare", str(self._later.source)] if self._later else []
+        page(self._result, command or shlex.join(same), self.changes or (), self._later).write(target)
         return target
 
     def fmu(
@@ -320,14 +324,19 @@ def diagnose(
         limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"), time=time,
     )  # fmt: skip
     measured, judged = held_out(record, holdout, subject, mapping, runs)
+    later = None if compare is None else matching_record(compare, subject, mapping)
     try:
         result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
-        reasons = "; ".join(wording.message(note) for note in error.notes)
-        raise UserError(
-            f"{pipeline.file_names(measured)}: no output can be both fitted and judged: {reasons}"
-        ) from error
-    if compare is None:
+        raise _unusable(measured, error) from error
+    if later is None:
         return DiagnosisResult(result)
-    later = matching_record(compare, subject, mapping)
-    return DiagnosisResult(result, pipeline.compare(result, later, options, progress))
+    try:
+        return DiagnosisResult(result, pipeline.compare(result, later, options, progress), later)
+    except UnusableRecordError as error:
+        raise _unusable([later], error) from error
+
+
+def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:
+    reasons = "; ".join(wording.message(note) for note in error.notes)
+    return UserError(f"{pipeline.file_names(records)}: no output can be both fitted and judged: {reasons}")

@@ -64,6 +64,8 @@ class Files:
         if self.fmu is not None:
             written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, ()).items()}
         Outputs(read, written, {"--json": JSON, "--report": PAGE, "--experiment": (".toml",)}).check()
+        if self.compare is not None and any(same_file(record, self.compare) for record in self.records):
+            raise UserError(f"--compare {self.compare}: this is the record itself; nothing in it can have changed")
         for path in others:
             if any(same_file(record, path) for record in self.records):
                 raise UserError(f"--holdout {path}: this is the record itself; nothing would be held out")

@@ -237,8 +237,11 @@ def _refitted(search: Search, best: FittedCandidate, again: bool) -> tuple[Fitte
 
 def _trusted(search: Search, selection: Selection) -> Selection:
     """Return a selection with the fits that are reported."""
-    steps = [replace(step, chosen=search.trusted(step.chosen)) for step in selection.steps]
-    return replace(selection, base=search.trusted(selection.base), steps=steps)
+    models = [search.trusted(selection.base)]
+    for step in selection.steps:
+        models.append(search.trusted(step.chosen, models[-1]))
+    steps = [replace(step, chosen=chosen) for step, chosen in zip(selection.steps, models[1:], strict=True)]
+    return replace(selection, base=models[0], steps=steps)
 
 
 def _excitation_notes(notes: Sequence[Note], data: Dataset, excited: bool, starts: tuple[str, ...]) -> list[Note]:

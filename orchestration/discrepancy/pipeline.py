@@ -11,7 +11,8 @@ from fmus.kit import Component, Effect
 from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
-from orchestration.discrepancy.candidates.candidate import catalogue, label
+from orchestration.discrepancy.candidates.candidate import catalogue, label, own_parameters
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, joined_dataset, labels
@@ -20,8 +21,7 @@ from orchestration.discrepancy.design.stimuli import Limits
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
-from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.selection import clock
+from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.fmu.model import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.records import Record
@@ -159,9 +159,7 @@ def diagnose(
         outputs = ", ".join(data.measured)
         raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
     effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
-    fixed = {n: value for n, value in chosen.given.items() if n in model.parameters}
-    samples = sum(one.time.size for one in records)
-    budget = Budget(default_time(samples) if chosen.time is None else chosen.time)
+    fixed, budget = _parameters_given(chosen, model), _budget(chosen, data)
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
     absent = [_absent(model, one, chosen.given) for one in (*records, *holdouts)]
     notes = [*(note for k, some in enumerate(absent) for note in some if some not in absent[:k]), *diagnosis.notes]
@@ -201,18 +199,57 @@ def compare(
     UserError
         If the later record cannot be used.
     """
-    chosen, best = options or Options(), result.diagnosis.selection.best
-    records = {BEFORE: result.record, AFTER: after}
-    whole = joined_dataset(records, result.model, chosen.given, chosen.interpolate)
-    estimation = result.diagnosis.estimation
-    data = clock.by(result.notes, replace(whole.only(estimation.measured), linear=estimation.linear))
-    if not all(np.isfinite(y[run.samples]).any() for y in data.measured.values() for run in data.runs):
-        raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(data.measured)}")
-    declared = best.problem.declared
-    searched = [n for n in best.problem.names if base_name(n) == n]
-    parameters = [n for n in searched if not declared[n].starts]
-    starts = [n for n in searched if declared[n].starts]
-    return changes(best.candidate, data, parameters, starts, best.problem.start | best.fit.values, progress)
+    chosen, cls = options or Options(), result.diagnosis.selection.base.candidate.cls
+    part = dataset(after, result.model, chosen.given, chosen.interpolate).only(result.diagnosis.estimation.measured)
+    part = replace(part, linear=result.diagnosis.estimation.linear)
+    if missing := [o for o in result.diagnosis.estimation.measured if o not in part.measured]:
+        raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(missing)}")
+    progress(f"diagnosing {after.source.name}")
+    given, budget = _parameters_given(chosen, result.model), _budget(chosen, part)
+    try:
+        later = _diagnose(cls, part, result.effects, given, progress, held=chosen.hold, budget=budget)
+    except UnusableRecordError:
+        raise
+    except UserError as error:
+        raise UserError(f"{after.source.name}: {error}") from error
+    data = Dataset.joined({**_usable(result.diagnosis, BEFORE), **_usable(later, AFTER)})
+    best, there = _explaining(result.diagnosis), _explaining(later)
+    candidate, values, parameters = best.candidate, dict[str, float](), [*map(base_name, best.problem.names)]
+    for effect in there.candidate.effects:
+        if effect not in candidate.effects:
+            candidate = candidate.with_effect(effect)
+            values |= {n: there.fit.values[n] for n in own_parameters(effect)}
+            parameters.append(effect.neutral)
+    values |= best.problem.start | best.fit.values
+    own = {*candidate.cls.layout.start_parameters, *chosen.each}
+    common, single = ([n for n in dict.fromkeys(parameters) if (n in own) is which] for which in (False, True))
+    return changes(candidate, data, common, single, values, progress, _budget(chosen, data))
+
+
+def _usable(diagnosis: Diagnosis, label: str) -> dict[str, Dataset]:
+    """The records of a diagnosis, less what could not be trusted."""
+    problem = diagnosis.final.problem
+    several = problem.runs if len(problem.runs) > 1 else ()
+    whole = Dataset(problem.time, problem.inputs, problem.measured, diagnosis.estimation.linear, several)
+    return whole.apart() if several else {label: whole}
+
+
+def _explaining(diagnosis: Diagnosis) -> FittedCandidate:
+    """The model that explains a record: with the effects that were named if nothing else is wrong.
+
+    Where something remains, what was named may stand in for it, and would bend the parameters.
+    """
+    explained = diagnosis.verdict is not Verdict.UNEXPLAINED
+    return diagnosis.selection.best if explained else diagnosis.selection.base
+
+
+def _parameters_given(options: Options, model: Model) -> dict[str, float]:
+    return {n: value for n, value in options.given.items() if n in model.parameters}
+
+
+def _budget(options: Options, *data: Dataset) -> Budget:
+    """Time for one search over records."""
+    return Budget(default_time(sum(one.time.size for one in data)) if options.time is None else options.time)
 
 
 def _reason(error: Exception) -> str:

@@ -111,3 +111,39 @@ def heteroscedastic(bread: Covariance, jacobian: Array, score: Array) -> Covaria
     plain = np.diag(bread.matrix)
     wider = np.sqrt(np.maximum(np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0), 1.0))
     return replace(bread, matrix=bread.matrix * np.outer(wider, wider))
+
+
+def clustered(bread: Covariance, jacobian: Array, residual: Array, stretches: NDArray[np.intp]) -> Covariance:
+    """Covariance of parameters from how far single stretches of a record pull them (CR2 of Bell and McCaffrey).
+
+    Whatever the residual is, coloured, of changing level, or what a model gets wrong, it counts as often as it is
+    repeated independently, and no oftener: from stretch to stretch. Nothing is assumed of it but that stretches are
+    longer than what it remembers (Survey Methodology 28, 2002; Cameron and Miller, J. Human Resources 50, 2015).
+
+    Parameters
+    ----------
+    bread : Covariance
+        Inverse of the normal matrix J'J that was fitted with.
+    jacobian : ndarray, shape (m, p)
+        Of the residual, weighted as it was fitted.
+    residual : ndarray, shape (m,)
+        Weighted alike.
+    stretches : ndarray of int, shape (m,)
+        Which stretch every sample is of.
+
+    Returns
+    -------
+    Covariance
+    """
+    middle = np.zeros_like(bread.matrix)
+    for stretch in np.unique(stretches):
+        within = stretches == stretch
+        slopes, errors = jacobian[within], residual[within]
+        frame, triangle = np.linalg.qr(slopes)
+        leverage, directions = np.linalg.eigh(triangle @ bread.matrix @ triangle.T)
+        # what was fitted of a stretch is missing in its residual: (I - H)^(-1/2) brings it back
+        more = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, _LEVERAGE)) - 1.0
+        missing = directions @ (more * (directions.T @ (frame.T @ errors)))
+        score = slopes.T @ errors + triangle.T @ missing
+        middle += np.outer(score, score)
+    return replace(bread, matrix=bread.matrix @ middle @ bread.matrix)

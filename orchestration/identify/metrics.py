@@ -33,8 +33,8 @@ def number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
-    """Return ``||y - yhat|| / ||y - mean(y)||``: 0 is perfect, 1 is no better than the mean.
+def normalised_rms(measured: ArrayLike, simulated: ArrayLike, judged: ArrayLike | None = None) -> float:
+    """Return ``rms(y - yhat) / rms(y - mean(y))``: 0 is perfect, 1 is no better than the mean.
 
     Parameters
     ----------
@@ -42,6 +42,8 @@ def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
         The record; NaN samples are gaps and do not count.
     simulated : array_like, shape (n,)
         In the same unit; NaN where there is a measurement makes the result NaN, it is never a gap.
+    judged : array_like of bool, shape (n,), optional
+        Samples whose errors count; all by default. How far the signal spreads all of it tells in any case.
 
     Returns
     -------
@@ -57,10 +59,11 @@ def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
     if y.shape != prediction.shape or y.ndim != 1:
         raise ValueError(f"measured {y.shape} and simulated {prediction.shape} must be vectors of one length")
     present = ~np.isnan(y)
-    y, prediction = y[present], prediction[present]
-    if y.size == 0 or np.all(y == y[0]):
+    counted = present if judged is None else present & np.asarray(judged, dtype=bool)
+    error, y = (y - prediction)[counted], y[present]
+    if error.size == 0 or np.all(y == y[0]):
         return float("nan")
-    return float(np.linalg.norm(y - prediction) / np.linalg.norm(y - np.mean(y)))
+    return float(np.sqrt(np.mean(error**2)) / np.sqrt(np.mean((y - np.mean(y)) ** 2)))
 
 
 def fit_percent(measured: ArrayLike, simulated: ArrayLike) -> float:

@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from orchestration.identify.tails import heavy_tails, scale_of, weights
+from orchestration.identify.tails import heavy_tails, weights
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
@@ -230,7 +230,7 @@ def estimate(
         Samples that tell whether the tails are heavy, those at which a model that lacks something has no reason to be
         far off; without it noise is Gaussian.
     freedom : float, optional
-        Degrees of freedom of the tails where they are known.
+        Of the distribution of innovations, where it is known; estimated otherwise.
 
     Returns
     -------
@@ -240,14 +240,15 @@ def estimate(
     if calm is None:
         return noise
     known = freedom
-    freedom = heavy_tails(noise.whiten(residual, present)[calm])[0] if known is None else known
+    if freedom is None:
+        freedom, _ = heavy_tails(noise.whiten(residual, present)[calm])
     if freedom == inf:
         return noise
     # far samples make colour look weaker than it is
     far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
     noise = _gaussian(np.clip(residual, -far, far), present, order)
     innovation = noise.whiten(residual, present)
-    freedom, scale = heavy_tails(innovation[calm]) if known is None else (known, scale_of(innovation[calm], known))
+    freedom, scale = heavy_tails(innovation[calm], known)
     return Noise(noise.coefficients, (noise.deviation * scale) or _LEAST, freedom)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from orchestration.identify import tails
 from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
 from orchestration.identify.levenberg_marquardt import Minimum, minimise, residual_or_none
-from orchestration.identify.noise import Noise, estimate, white
+from orchestration.identify.noise import Noise, white
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
 
@@ -313,10 +313,7 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     """How likely a point makes the record, in the noise that is estimated from its residual."""
     q = minimum.q
     residual, slopes = problem.evaluate(q)
-    noise = {
-        o: estimate(e, problem.present[o], problem.order, problem.calm[o], problem.freedom.get(o))
-        for o, e in residual.items()
-    }
+    noise = problem.noise(residual)
     innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
     weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
     jacobian = {o: n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()}

@@ -19,7 +19,7 @@ from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import Trajectory
 from orchestration.identify.delay import DelayedModel
-from orchestration.identify.noise import ORDER
+from orchestration.identify.noise import ORDER, Noise, estimate
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
 Array = NDArray[np.float64]
@@ -178,10 +178,10 @@ class Problem:
     scales : list of Scale
     evaluations : int
         Simulations made.
-    freedom : dict of str to float
-        Degrees of freedom of the noise of outputs where they are not to be estimated; none unless given.
     out_of_time : callable
         Whether there is no time left to search on; never, unless replaced.
+    freedom : Mapping of str to float
+        Of the noise of outputs, where it is to be the same whatever a model leaves, so that likelihoods are comparable.
 
     Raises
     ------
@@ -214,7 +214,7 @@ class Problem:
         self.evaluations = 0
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
-        self.freedom: dict[str, float] = {}
+        self.freedom: Mapping[str, float] = {}
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -247,6 +247,12 @@ class Problem:
             return residual(q)
 
         return limited
+
+    def noise(self, residual: Mapping[str, Array]) -> dict[str, Noise]:
+        """Noise that is estimated from a residual, (m,) by output."""
+        return {
+            o: estimate(e, self.present[o], self.order, self.calm[o], self.freedom.get(o)) for o, e in residual.items()
+        }
 
     def forget(self) -> None:
         """Let go of the last simulation."""

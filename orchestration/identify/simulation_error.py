@@ -24,6 +24,10 @@ _SPREAD = float(np.log(10.0))  # of starting points about nominal, in searched c
 _STARTS = 4  # beside the nominal one
 _BRIEF = 12  # trial points after which only the best start goes on
 _FLOOR = 1.1  # times the noise: closer to it nothing better is to be found elsewhere
+# Fall of minus twice the log-likelihood for which another optimum than that of the nominal start is taken: very strong
+# evidence (Kass and Raftery 1995). A parameter that does nothing where it is nominal may follow a little of the noise
+# elsewhere, as a limit does that is just reached.
+_CLEARLY = 10.0
 _FINE = 1e-4  # of the spread of an output: noise below it does not make the output matter more
 
 
@@ -89,7 +93,7 @@ def fit_simulation_error(
     Returns
     -------
     Minimum
-        The best that was found.
+        Where the first search ended, or the best of the others if it is clearly better.
 
     Raises
     ------
@@ -111,7 +115,7 @@ def fit_simulation_error(
     def search(q: Array, trials: int = 200) -> Minimum:
         return minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance, trials)
 
-    best = search(starts[0])
+    first = best = search(starts[0])
     if cost(best.q) <= _FLOOR**2 * problem.samples:
         return best
     for start in starts[1:]:
@@ -125,4 +129,5 @@ def fit_simulation_error(
             continue
         if cost(tried.q) < cost(best.q):
             best = tried
-    return best
+    clearly = problem.samples * np.log(cost(first.q) / cost(best.q)) > _CLEARLY if best is not first else False
+    return best if clearly else first

@@ -21,12 +21,14 @@ _NEIGHBOURS = 61  # samples that tell the level of the noise about one of them
 _ROUNDS = 12  # of the scale and the weights that hang on it, by which it has settled to a percent
 
 
-def heavy_tails(innovation: Array) -> tuple[float, float]:
+def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float, float]:
     """Degrees of freedom of innovations, by maximum likelihood; infinite unless BIC asks for heavy tails.
 
     Parameters
     ----------
     innovation : ndarray, shape (n,)
+    freedom : float, optional
+        If it is known, so that only the scale is estimated.
 
     Returns
     -------
@@ -35,16 +37,13 @@ def heavy_tails(innovation: Array) -> tuple[float, float]:
         Of the t distribution, or the standard deviation where it is Gaussian.
     """
     size = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 0.0
-    if len(innovation) < _FEW or not size > 0.0 or not _suspect(innovation):
+    if freedom is not None and freedom < inf and size > 0.0:
+        return freedom, _scaled(innovation, freedom)[1]
+    if freedom == inf or len(innovation) < _FEW or not size > 0.0 or not _suspect(innovation):
         return inf, size
     local = median_filter(np.abs(innovation), _NEIGHBOURS, mode="nearest")
     freedom = _freedom(innovation / np.maximum(local, 1e-3 * size))
     return (inf, size) if freedom == inf else (freedom, _scaled(innovation, freedom)[1])
-
-
-def scale_of(innovation: Array, freedom: float) -> float:
-    """Scale of innovations (n,) of a t distribution with so many degrees of freedom, by maximum likelihood."""
-    return _scaled(innovation, freedom)[1]
 
 
 def weights(innovation: Array, freedom: float) -> Array:

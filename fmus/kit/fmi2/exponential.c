@@ -23,6 +23,7 @@ typedef struct {
     int levels; /* 0 where nothing is stiff */
     int affine;
     double largest;
+    double worth; /* steps per second that cost no more than those of Runge and Kutta */
     const double *matrix, *phi;
 } Ladder;
 
@@ -30,7 +31,8 @@ typedef struct {
 typedef struct {
     Engine engine;
     Ladder ladder;
-    int level; /* of the step to try next */
+    int level;    /* of the step to try next */
+    double steps; /* tried since the record began */
     /* of the step being tried; not on the stack, which a thread may have little of */
     double rate[MODEL_STATES + 1], stage[MODEL_STATES + 1], plain[MODEL_STATES + 1], middle[MODEL_STATES + 1];
     double d2[MODEL_STATES + 1], d3[MODEL_STATES + 1], d4[MODEL_STATES + 1];
@@ -139,11 +141,14 @@ static double step_of(const Ladder *ladder, int level) { return ldexp(ladder->la
 bool integrate(Engine *engine, double time, double target, Message message) {
     Recorder *recorder = (Recorder *)engine;
     const Ladder *ladder = &recorder->ladder;
+    const double allowed = ladder->worth * (target - engine->memory[MEMORY_START_TIME]);
     if (ladder->levels == 0 || time >= target)
         return integrate_by_runge_kutta(engine, time, target, message);
     while (time < target) {
         double remaining = target - time, h, error;
         int level = recorder->level;
+        if (recorder->steps > allowed)
+            return integrate_by_runge_kutta(engine, time, target, message);
         while (level < ladder->levels && step_of(ladder, level) > remaining * (1.0 + 1e-9))
             level++;
         if (level >= ladder->levels) {
@@ -153,6 +158,7 @@ bool integrate(Engine *engine, double time, double target, Message message) {
         h = step_of(ladder, level);
         if (!spend(engine, time, message))
             return false;
+        recorder->steps++;
         error = (ladder->affine ? try_affine : try_step_and_halves)(recorder, time, h, level);
         if (error > 1.0) {
             recorder->level = level + 1;

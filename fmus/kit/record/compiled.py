@@ -162,8 +162,8 @@ class _Ladder(ctypes.Structure):
     """`Ladder` as ``exponential.c`` has it."""
 
     _fields_ = (
-        ("levels", ctypes.c_int), ("affine", ctypes.c_int), ("largest", ctypes.c_double), ("matrix", _DOUBLES),
-        ("phi", _DOUBLES),
+        ("levels", ctypes.c_int), ("affine", ctypes.c_int), ("largest", ctypes.c_double),
+        ("worth", ctypes.c_double), ("matrix", _DOUBLES), ("phi", _DOUBLES),
     )  # fmt: skip
 
 
@@ -183,7 +183,12 @@ class _Library:
         outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
         message = ctypes.create_string_buffer(1024)
         given = ladder and _Ladder(
-            ladder.levels, int(ladder.affine), ladder.largest, _pointer(ladder.matrix), _pointer(ladder.phi)
+            ladder.levels,
+            int(ladder.affine),
+            ladder.largest,
+            ladder.worth,
+            _pointer(ladder.matrix),
+            _pointer(ladder.phi),
         )
         failed = self._function(
             len(time), _pointer(time), _pointer(table), _pointer(linear), _pointer(parameters), tolerance, effort,

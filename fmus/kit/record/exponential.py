@@ -30,6 +30,8 @@ class ExponentialIntegrator:
     nominal : ndarray, shape (m,)
         Of the states.
     tolerance : float
+    start : float
+        Time at which the record begins.
 
     Attributes
     ----------
@@ -37,9 +39,12 @@ class ExponentialIntegrator:
         Of the step to try next.
     """
 
-    def __init__(self, ladder: Ladder, rates: Callable[[float, Array], Array], nominal: Array, tolerance: float):
-        self.level = 0
-        self._ladder, self._rates, self._nominal, self._tolerance = ladder, rates, nominal, tolerance
+    def __init__(
+        self, ladder: Ladder, rates: Callable[[float, Array], Array], nominal: Array, tolerance: float, start: float
+    ):
+        self.level = self._steps = 0
+        self._ladder, self._rates, self._nominal = ladder, rates, nominal
+        self._tolerance, self._start = tolerance, start
 
     def step(self, now: float, target: float, x: Array, sloped: bool) -> tuple[float, Array] | None:
         """Take the longest step towards a time that is accurate enough.
@@ -57,8 +62,10 @@ class ExponentialIntegrator:
             Where the step ended; where it began, if it was rejected.
         x : ndarray
         None
-            If what remains is shorter than the shortest step.
+            If what remains is shorter than the shortest step, or so many steps were made that others cost less.
         """
+        if self._steps > self._ladder.worth * (target - self._start):
+            return None
         ladder, remaining, level = self._ladder, target - now, self.level
         while level < ladder.levels and ladder.largest * 0.5**level > remaining * (1.0 + SAME):
             level += 1
@@ -66,6 +73,7 @@ class ExponentialIntegrator:
             self.level = min(self.level, ladder.levels - 1)
             return None
         h = ladder.largest * 0.5**level
+        self._steps += 1
         with np.errstate(all="ignore"):  # a trial step that overflows is rejected
             moved, error = (
                 self._affine(now, h, level, x, sloped) if ladder.affine else self._step_and_halves(now, h, level, x)

@@ -93,7 +93,9 @@ class Interpreted:
         self._parameters[:], self._tolerance, self._hint, budget = parameters, tolerance, math.inf, effort * len(time)
         self._x[:], self._z[:] = (parameters[where] for where in self._starts)
         self._exponential = (
-            None if ladder is None else ExponentialIntegrator(ladder, self._rate, self._nominal, tolerance)
+            None
+            if ladder is None
+            else ExponentialIntegrator(ladder, self._rate, self._nominal, tolerance, float(time[0]))
         )
         periods = [float(parameters[p]) if isinstance(p, int) else p for p in self._periods]
         counters = [0] * len(periods)

@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 # about as many steps of Runge and Kutta as stability does.
 STIFF = 2.0
 _UNEVEN = 25.0  # times more where samples are not equally spaced, for then a step is made of several
+# Time constants that take Runge and Kutta about as long as one exponential step with a rest beside A x, which is made
+# three times over for its error and spends most of its time in products.
+WORTH = 100.0
 _SHORTEST = 0.02  # product of the norm of A and the shortest step: the Runge-Kutta method takes what is left in one
 _TERMS = 8  # of the series, whose first that is left out is below rounding then
 _JITTER = 1e-6  # relative, above which an interval between samples is another
@@ -45,6 +48,8 @@ class Ladder:
         Seconds.
     affine : bool
         Whether nothing is left beside A x that changes during a step, other than linearly with the time.
+    worth : float
+        Steps per second that cost no more than what Runge and Kutta need; infinite where steps are exact.
     matrix : ndarray, shape (1 + p, n, n)
         A, as the stack of its blocks.
     phi : ndarray, shape (levels + 2, 3, 1 + p, n, n)
@@ -53,6 +58,7 @@ class Ladder:
 
     largest: float
     affine: bool
+    worth: float
     matrix: Array
     phi: Array
 
@@ -101,8 +107,9 @@ class Linearisation:
             return None
         step = float(np.median(steps))
         even = np.mean(np.abs(steps - step) > _JITTER * step) < 0.5
-        limit = (STIFF if even else _UNEVEN * STIFF) / step
-        inputs = self._stiffest(float(time[0]), table, parameters, limit)
+        affine = self._affine(linear, self._changing(float(time[-1] - time[0]), parameters))
+        limit = WORTH if not affine else STIFF if even else _UNEVEN * STIFF
+        fastest, inputs = self._stiffest(float(time[0]), table, parameters, limit / step)
         if inputs is None:
             return None
         n = self._nominal.size
@@ -113,11 +120,11 @@ class Linearisation:
             return None
         largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - _JITTER))
         halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
-        affine = self._affine(linear, self._changing(float(time[-1] - time[0]), parameters))
-        return Ladder(largest, affine, matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
+        worth = math.inf if affine else fastest / WORTH
+        return Ladder(largest, affine, worth, matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
 
-    def _stiffest(self, time: float, table: Array, parameters: Array, limit: float) -> Array | None:
-        """Inputs, of some samples, with which an eigenvalue at the start is largest; None if all are below a limit."""
+    def _stiffest(self, time: float, table: Array, parameters: Array, limit: float) -> tuple[float, Array | None]:
+        """Largest eigenvalue at the start with the inputs of some samples, and those; None if all are below a limit."""
         jacobian, of_inputs = self._jacobian
         fastest, inputs = limit, None
         start = self._start(self._base, time, table[0], parameters)
@@ -128,7 +135,7 @@ class Linearisation:
             if np.isfinite(found).all() and self._norm(found) > fastest:
                 speed = float(np.abs(np.linalg.eigvals(found)).max())
                 fastest, inputs = (speed, table[k]) if speed > fastest else (fastest, inputs)
-        return inputs
+        return fastest, inputs
 
     def _norm(self, jacobian: Array) -> float:
         """Row sum norm with every state in units of its size."""

@@ -87,9 +87,8 @@ def encompassing(
         pieces = [
             noise.whiten(disturbance[o][problem.present[o]], problem.present[o]) for o, noise in fit.noise.items()
         ]
-        errors_squared = errors_squared + (spread.matrix @ (weighted.T @ np.concatenate(pieces))) ** 2 / len(
-            disturbances
-        )
+        moved = spread.matrix @ (weighted.T @ np.concatenate(pieces))
+        errors_squared = errors_squared + moved**2 / len(disturbances)
     own, n = weighted[:, : len(fit.q)], len(fit.q)
     shifts = -covariance(own.T @ slopes[:, :n], fit.prior_precision).matrix @ (own.T @ slopes[:, n:])
     found = zip(amounts[n:], np.sqrt(errors_squared[n:]), shifts.T, strict=True)

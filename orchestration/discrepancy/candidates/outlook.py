@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.covariance import covariance
-from orchestration.identify.noise import Noise, Whitening, estimate, white
+from orchestration.identify.noise import Noise, Whitening, white
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 
@@ -71,7 +71,7 @@ class LinearisedModel:
         self._gradient_of_prior = fit.prior_precision * (fit.q - self._centre)
         low, high = problem.bounds()
         self._bounds = low - fit.q, high - fit.q
-        self._estimate = lambda e: {o: estimate(e[o], problem.present[o], problem.order, problem.calm[o]) for o in e}
+        self._estimate = problem.noise
         self._whitenings = [self._whitening(noise) for noise in (fit.noise, white(error))]
 
     def _whitening(self, noise: Mapping[str, Noise]) -> tuple[Whitening, Array, Array, Array]:

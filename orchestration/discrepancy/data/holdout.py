@@ -90,13 +90,22 @@ class ValidationData:
             reached[run.first : run.first + 1 + int(np.flatnonzero(fitted[run.samples])[-1])] = True
         return replace(self.data, measured=measured).where(reached)
 
-    def nrmse(self, simulated: Mapping[str, Array]) -> dict[str, float]:
-        """Normalised RMS error of every output, where nothing was fitted.
+    @property
+    def held_out(self) -> NDArray[np.bool_]:
+        """Samples of what was held out: of a record of its own also those that tell where it starts."""
+        return self.judged if self.continued else self.data.within
+
+    def nrmse(self, simulated: Mapping[str, Array], part: slice = slice(None)) -> dict[str, float]:
+        """Error of every output where nothing was fitted, over the spread of what was held out.
+
+        The spread is the signal's, whatever is taken of a record to tell where it starts.
 
         Parameters
         ----------
         simulated : Mapping of str to ndarray, shape (n,)
             Over the whole of the data.
+        part : slice
+            Of the data that is looked at, such as one run; all by default.
         """
-        at = self.judged
-        return {o: normalised_rms(y[at], simulated[o][at]) for o, y in self.data.measured.items()}
+        at, counted = self.held_out[part], self.judged[part][self.held_out[part]]
+        return {o: normalised_rms(y[part][at], simulated[o][part][at], counted) for o, y in self.data.measured.items()}

@@ -57,11 +57,7 @@ def run_errors(result: Result) -> list[RunError]:
             nrmse[output] = normalised_rms(y, y - np.where(np.isnan(y), 0.0, residual[run.samples]))
         errors.append(RunError(run.label or result.files, False, run.last - run.first, nrmse))
     for run in validation.data.runs:
-        judged = validation.judged[run.samples]
-        nrmse = {
-            output: normalised_rms(y[run.samples][judged], simulated[output][run.samples][judged])
-            for output, y in validation.data.measured.items()
-        }
+        nrmse = validation.nrmse(simulated, run.samples)
         errors.append(RunError(run.label, not validation.continued, run.last - run.first, nrmse))
     return errors
 

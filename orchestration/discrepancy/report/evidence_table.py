@@ -31,7 +31,7 @@ def _tried(diagnosis: Diagnosis) -> list[_Tried]:
     rows = [_Tried(step.chosen, step.gain, step.p_value, "named") for step in steps]
     for step, under in zip(steps, below, strict=False):
         for alternative in step.alternatives:
-            gain = step.gain - (alternative.fit.bic - step.chosen.fit.bic)
+            gain = step.gains[alternative.effect_name]
             why = f"from {step.chosen.effect_name}"
             rows.append(_Tried(alternative, gain, alternative.p_value(under, tried), "not told apart", why))
     listed = {row.candidate.effect_name for row in rows}

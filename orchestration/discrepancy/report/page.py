@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -10,15 +11,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import elements, figures, sections, typography, wording
+from orchestration.discrepancy.report.changes import HEAD, page_rows
 from orchestration.discrepancy.report.evidence_table import evidence
 from orchestration.records import Record
 from orchestration.records.joined import base_name
 from orchestration.reporting.page import Markup, Page, escaped
 
 
-def page(result: Result, command: str) -> Page:
+def page(result: Result, command: str, changes: Sequence[Change] = (), later: Record | None = None) -> Page:
     """Make the page.
 
     Parameters
@@ -26,6 +29,10 @@ def page(result: Result, command: str) -> Page:
     result : Result
     command : str
         That made it, to be repeated.
+    changes : sequence of Change
+        What was found in a later record.
+    later : Record, optional
+        That one.
 
     Returns
     -------
@@ -38,6 +45,8 @@ def page(result: Result, command: str) -> Page:
     made = Page(f"{result.model.name} against {result.files}", verdict, elements.STYLE)
     models, simulated = sections.shown_models(result)
     _summary(made, result)
+    if later is not None:
+        _comparison(made, changes, result, later)
     sections.gain(made, result, models, simulated)
     sections.curves(made, result, models, simulated)
     evidence(made, result)
@@ -51,8 +60,9 @@ def page(result: Result, command: str) -> Page:
         sentence = wording.experiment(result.experiment)
         made.text(f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it.")
         made.code([result.experiment.toml(result.model.name, sentence)])
-    _data(made, result)
-    _reproduce(made, result, command)
+    read = [*result.records, *result.holdouts, *([later] if later is not None else [])]
+    _data(made, read)
+    _reproduce(made, read, command)
     return made
 
 
@@ -93,29 +103,36 @@ def _runs(result: Result) -> str:
     return f"{text}, and has {', '.join(own)} of its own." if own else f"{text}."
 
 
-def _data(made: Page, result: Result) -> None:
+def _comparison(made: Page, changes: Sequence[Change], result: Result, later: Record) -> None:
+    """What changed in a later record."""
+    made.heading(f"What changed from {result.files} to {later.source.name}")
+    made.text(wording.comparison(changes))
+    made.table(HEAD, page_rows(changes))
+    made.parts.append(elements.aside(
+        "Claimed is what is surely another in the noise of both records, and about which ten stretches of each agree. "
+        "Gain is the share of the squared error that letting go of this parameter alone in the later record takes off; "
+        "what gains and is uncertain may stand in for an error of the model."
+    ))  # fmt: skip
+
+
+def _data(made: Page, records: Sequence[Record]) -> None:
     """What was repaired in the files."""
     made.heading("The data")
-    for record in _records(result):
+    for record in records:
         repairs = [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in record.repairs]
         run = f", run {record.label}" if record.label else ""
         made.text(f"{record.source.name}{run}: {'as follows.' if repairs else 'nothing had to be repaired.'}")
         made.items(repairs)
 
 
-def _reproduce(made: Page, result: Result, command: str) -> None:
+def _reproduce(made: Page, records: Sequence[Record], command: str) -> None:
     """The command, and what it was given."""
     made.heading("How to reproduce")
     made.code([command])
     which = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
-    which |= {f"SHA-256 of {record.source.name}": _digest(record.source) for record in _records(result)}
+    which |= {f"SHA-256 of {record.source.name}": _digest(record.source) for record in records}
     made.items([Markup(f"{escaped(name)}: <code>{escaped(text)}</code>") for name, text in which.items()])
     made.text("Nothing is drawn at random: the same files give the same page.")
-
-
-def _records(result: Result) -> list[Record]:
-    """All that was read."""
-    return [*result.records, *result.holdouts]
 
 
 def _length(time: NDArray[np.float64]) -> str:

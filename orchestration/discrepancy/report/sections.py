@@ -20,7 +20,7 @@ from orchestration.discrepancy.report import elements, figures, typography, word
 from orchestration.discrepancy.report.errors import error_rows
 from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED, ShownModel
 from orchestration.discrepancy.validation.prediction import predict
-from orchestration.identify.metrics import normalised_rms, rms
+from orchestration.identify.metrics import rms
 from orchestration.records.joined import base_name, shown_name
 from orchestration.reporting.page import Markup, Page, escaped
 
@@ -81,13 +81,13 @@ def gain(made: Page, result: Result, models: Sequence[ShownModel], simulated: Si
     """How far off every model is where nothing was fitted."""
     diagnosis = result.diagnosis
     made.heading("Error on data that no fit has seen")
-    judged = diagnosis.validation.judged
+    validation = diagnosis.validation
     for output, y in _measured(diagnosis.validation.data).measured.items():
         rows = []
         for shown in models:
             values = simulated[shown.label][output]
-            misses = (y - values)[judged]
-            share = 100.0 * normalised_rms(y[judged], values[judged])
+            misses = (y - values)[validation.judged]
+            share = 100.0 * validation.nrmse({**validation.data.measured, output: values})[output]
             size = typography.pretty(shown_difference(rms(misses), result.model.outputs[output], 3))
             percent = f"{share:.3g} %" if share < 100.0 else f"{share:.0f} %"
             text = Markup(f"{percent} · {size}") if np.isfinite(share) else size

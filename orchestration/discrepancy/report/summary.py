@@ -85,7 +85,7 @@ def _alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         {
             "effect": alternative.effect_name,
             "instead_of": step.chosen.effect_name,
-            "delta_bic": step.gain + step.chosen.fit.bic - alternative.fit.bic,
+            "delta_bic": step.gains[alternative.effect_name],
         }
         for step in diagnosis.selection.steps
         for alternative in step.alternatives

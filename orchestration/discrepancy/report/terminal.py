@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from fmus.kit.units import Described, shown
+from fmus.kit.units import shown
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.report.changes import HEAD, plain_rows
 from orchestration.discrepancy.report.errors import RunError, error_rows, run_errors
 from orchestration.records.joined import shown_name
 from orchestration.reporting.console import plain_table
@@ -58,16 +59,12 @@ def _runs(runs: Sequence[RunError]) -> Table:
     return rows
 
 
-def comparison(found: Sequence[Change], declared: Mapping[str, Described]) -> Group:
+def comparison(found: Sequence[Change]) -> Group:
     """Return what ``ppy diagnose --compare`` prints beside."""
-    rows = plain_table("before and after", "parameter", "before", "after", "gain", "verdict")
-    for change in found:
-        p = declared[change.name]
-        verdict = "changed" if change.changed else "not claimed"
-        rows.add_row(
-            change.name, shown(change.before, p), shown(change.after, p), f"{100 * change.gain:.1f} %", verdict
-        )
-    return Group(Text(wording.comparison(found)), rows)
+    table = plain_table("before and after", *HEAD)
+    for row in plain_rows(found):
+        table.add_row(*row)
+    return Group(Text(wording.comparison(found)), table)
 
 
 def _changes(diagnosis: Diagnosis) -> list[str]:
@@ -85,8 +82,7 @@ def _evidence(diagnosis: Diagnosis) -> Table:
     for step in diagnosis.selection.steps:
         rows.add_row(step.chosen.effect_name, f"{step.gain:.1f}", "named")
         for alternative in step.alternatives:
-            fall = step.gain - (alternative.fit.bic - step.chosen.fit.bic)
-            rows.add_row(alternative.effect_name, f"{fall:.1f}", "not told apart")
+            rows.add_row(alternative.effect_name, f"{step.gains[alternative.effect_name]:.1f}", "not told apart")
     for candidate, fall in diagnosis.selection.rejected[:_REJECTED]:
         rows.add_row(candidate.effect_name, f"{fall:.1f}", "rejected")
     return rows

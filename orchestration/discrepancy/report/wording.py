@@ -279,5 +279,12 @@ def comparison(found: Sequence[Change]) -> str:
     claimed = [change for change in found if change.changed]
     if not claimed:
         return "Nothing changed beyond noise."
-    parts = [f"{c.name}, times {c.after / c.before:.3g}" if c.before else c.name for c in claimed]
-    return f"What changed: {'; '.join(parts)}."
+    return f"What changed: {'; '.join(map(_changed, claimed))}."
+
+
+def _changed(change: Change) -> str:
+    """One change in words; of an effect that one record does not have, that it came or went."""
+    if change.lacking[0] != change.lacking[1]:
+        return f"{change.effect} {'appeared' if change.lacking[0] else 'vanished'}"
+    name = f"{change.effect} ({change.name})" if change.effect else change.name
+    return f"{name}, times {change.after / change.before:.3g}" if change.before else name

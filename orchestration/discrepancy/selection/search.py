@@ -52,6 +52,9 @@ class Search:
         Parameters that differ from run to run. Where states start does so anyway.
     farthest : float
         Pooled error of the free run that no candidate may pass; known once the nominal model was fitted.
+    freedom : Mapping of str to float
+        Of the noise of every output, the same for all that are held against each other: which distribution fits what a
+        model leaves may change from one point to the next, and with it the likelihood by more than an effect is worth.
     """
 
     data: Dataset
@@ -63,6 +66,7 @@ class Search:
     not_assessed: dict[str, Note] = field(default_factory=dict)
     each: Sequence[str] = ()
     farthest: float = np.inf
+    freedom: Mapping[str, float] = field(default_factory=dict)
 
     def nominal(self) -> FittedCandidate:
         """Fit the model without effects, from several starts."""
@@ -70,6 +74,7 @@ class Search:
         problem = self._problem(candidate)
         free_run = fit_free_run(problem, starting_points(problem), self._physical(problem))
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
+        self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         return FittedCandidate(candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run)
 
     def near_nominal(self, prior_std: float) -> FittedCandidate:
@@ -78,12 +83,23 @@ class Search:
         problem = self._problem(candidate)
         return FittedCandidate(candidate, problem, self._fit(problem, problem.position(problem.start), None, prior_std))
 
-    def trusted(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much."""
-        problem = fitted.problem
+    def trusted(self, fitted: FittedCandidate, below: FittedCandidate | None = None) -> FittedCandidate:
+        """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much.
+
+        Parameters
+        ----------
+        fitted : FittedCandidate
+        below : FittedCandidate, optional
+            The model that it is laid over. It contains that one, so if its free run is farther from the record, which
+            a search that ran out of time may leave it at, it is fitted from there.
+        """
+        problem, scales = fitted.problem, error_scales(fitted.problem)
         begun = [fitted.fit.q] + ([] if fitted.free_run is None else [fitted.free_run.q])
         ends = [fit_free_run(problem, [q], self._physical(problem)) for q in begun]
-        free_run = min(ends, key=lambda end: pooled_error(end.residual, error_scales(problem)))
+        free_run = min(ends, key=lambda end: pooled_error(end.residual, scales))
+        if below is not None and pooled_error(free_run.residual, scales) > pooled_error(below.fit.residual, scales):
+            at_rest = problem.position(problem.start | below.fit.values)
+            free_run = fit_free_run(problem, [at_rest], self._physical(problem))
         return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
     def fit_extended(self, screened: ScreenedCandidate) -> FittedCandidate:
@@ -115,6 +131,15 @@ class Search:
             best = min(best, self._again(moving, best.problem.start | best.fit.values, best), key=lambda e: e.fit.bic)
         return best
 
+    def renewed(self, fitted: FittedCandidate) -> FittedCandidate:
+        """Look at the noise anew, now that a model explains more of a record, and fit it once more if that changed."""
+        problem = fitted.problem
+        problem.freedom = {}
+        freedom = {o: noise.freedom for o, noise in problem.noise(fitted.fit.residual).items()}
+        problem.freedom, changed = freedom, freedom != self.freedom
+        self.freedom = freedom
+        return replace(fitted, fit=self._fit(problem, fitted.fit.q, None)) if changed else fitted
+
     def refit(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit a model that was selected on another part of the record to this one."""
         self.progress(f"fitting {fitted.candidate.name} to all of the record")
@@ -125,10 +150,10 @@ class Search:
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
         """Fit a model once more, from where one that contains it stands and in its noise; the likelier of the two.
 
-        The colour and the tails of noise have several optima. One that only the richer model has found is no evidence
-        for what it has more.
+        The degrees of freedom and the colour of noise have several optima. One that only the richer model has found is
+        no evidence for what it has more.
         """
-        again = self._again(below.candidate, richer.fit.values, richer, alike=True)
+        again = self._again(below.candidate, richer.fit.values, richer)
         better = again is not richer and again.fit.bic < below.fit.bic
         return replace(below, problem=again.problem, fit=again.fit) if better else below
 
@@ -140,18 +165,14 @@ class Search:
         made = Problem(
             candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
         )
-        made.out_of_time = self.budget.spent
+        made.out_of_time, made.freedom = self.budget.spent, self.freedom
         return made
 
     def _problem(self, candidate: Candidate) -> Problem:
         return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
 
-    def _again(
-        self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate, alike: bool = False
-    ) -> FittedCandidate:
-        """Fit a candidate beginning with values and noise of another fit, with tails alike if they are to be."""
+    def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
         problem = self._problem(candidate)
-        problem.freedom = {o: n.freedom for o, n in fitted.fit.noise.items()} if alike else {}
         q = problem.position(problem.start | dict(start))
         try:
             return FittedCandidate(candidate, problem, self._fit(problem, q, fitted.fit.noise))

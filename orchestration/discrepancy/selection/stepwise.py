@@ -45,6 +45,8 @@ class Step:
         Others that were fitted, with their gain.
     confounding : dict of str to float
         Share of what it does that other effects do too, by their label.
+    gains : dict of str to float
+        That of every candidate, by its label; the fits may be made anew since.
     """
 
     chosen: FittedCandidate
@@ -53,6 +55,7 @@ class Step:
     alternatives: list[FittedCandidate]
     rejected: list[tuple[FittedCandidate, float]]
     confounding: dict[str, float] = field(default_factory=dict)
+    gains: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,8 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
         nearest = min(able, key=lambda model: _distance(model.model, chosen))
         shares = confounding(nearest, effect, [other for other in remaining if not _interchangeable(other, effect)])
         p_value = chosen.p_value(below, selection.tried)
-        selection.steps.append(Step(chosen, gain, p_value, alternatives, rejected, shares))
+        chosen, gains = search.renewed(chosen), {e.effect_name: g for e, g in ranked}
+        selection.steps.append(Step(chosen, gain, p_value, alternatives, rejected, shares, gains))
         scored = [ScoredModel(chosen, nearest.directions)]
     for fitted, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
         search.not_assessed.pop(fitted.effect_name, None)  # from elsewhere it could be fitted

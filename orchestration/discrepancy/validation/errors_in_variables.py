@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from fmus.kit import Effect
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
@@ -27,8 +26,7 @@ from orchestration.discrepancy.selection.input_noise import (
     simulated,
     smoothed,
 )
-from orchestration.discrepancy.selection.scoring import score, screen
-from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.identify.covariance import covariance
 
@@ -112,8 +110,8 @@ def _step(search: Search, base: FittedCandidate, noise: Mapping[str, float], see
 def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple[Selection, list[Note]]:
     """Keep the effects for which there is more evidence than noise of the inputs makes by itself.
 
-    The base model is simulated as if it were true with the inputs freed of their noise, noise is laid over these, and
-    the effect is fitted to that.
+    The model without an effect is simulated as if it were true with the inputs freed of their noise, noise is laid over
+    these, and the effect is fitted to that.
 
     Returns
     -------
@@ -123,17 +121,23 @@ def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple
     """
     if not noise.deviation or not selection.steps:
         return selection, []
-    replicas = [_replica(search, selection.base, noise.deviation, seed) for seed in range(REPLICAS)]
+    below = selection.base
     for k, step in enumerate(selection.steps):
-        by_noise = max(
-            (_gain(replica, selection.base, step.chosen.effect, selection.tried) for replica in replicas), default=0.0
-        )
-        if step.gain < _BEYOND * by_noise:
-            dropped = ", ".join(s.chosen.effect_name for s in selection.steps[k:])
-            note = Note(
-                NoteCode.INPUT_NOISE_DOES_THE_SAME, dropped, {"inputs": tuple(noise.deviation), "gain": by_noise}
-            )
-            return replace(selection, steps=selection.steps[:k]), [note]
+        by_noise = 0.0
+        for seed in range(REPLICAS):
+            replica = _replica(search, below, noise.deviation, seed)
+            by_noise = max(by_noise, _gain(replica, below, step.chosen, selection.tried))
+            if step.gain < _BEYOND * by_noise or search.budget.spent():
+                break
+        names = [s.chosen.effect_name for s in selection.steps[k:]]
+        if search.budget.spent():  # what could not be held against noise is not claimed
+            search.budget.leave(names)
+        elif not step.gain < _BEYOND * by_noise:
+            below = step.chosen
+            continue
+        facts = {"inputs": tuple(noise.deviation), "gain": by_noise}
+        note = Note(NoteCode.INPUT_NOISE_DOES_THE_SAME, ", ".join(names), facts)
+        return replace(selection, steps=selection.steps[:k]), [note]
     return selection, []
 
 
@@ -191,14 +195,15 @@ def _replica(search: Search, base: FittedCandidate, noise: Mapping[str, float], 
     return replace(search, data=noisy, not_assessed={}, progress=lambda text: None)
 
 
-def _gain(replica: Search, base: FittedCandidate, effect: type[Effect], tried: int) -> float:
-    """Evidence for an effect in a record that does not have it."""
+def _gain(replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int) -> float:
+    """Evidence for an effect in a record that does not have it, looked for where the record at hand has it.
+
+    Without limit where the model cannot be simulated with other noise: such a claim cannot be defended.
+    """
     try:
-        fitted = replica.refit(base)
-        promising = screen(score(replica, fitted, [effect]), [effect])
-        return max((replica.fit_extended(c).delta_bic(fitted, tried) for c in promising), default=0.0)
-    except UserError:
-        return 0.0
+        return replica.refit(claimed).delta_bic(replica.refit(below), tried)
+    except FAILURES:
+        return float(np.inf)
 
 
 def remarks(noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array]) -> list[Note]:

@@ -88,11 +88,11 @@ class CleanRecord:
         return dict(zip(self.plant.outputs, y, strict=True))
 
 
-def draw(case: Case) -> CleanRecord:
-    """Draw one record; the same one for the same case."""
+def draw(case: Case, specimen: Mapping[str, float] | None = None) -> CleanRecord:
+    """Draw one record; the same one for the same case. Its specimen is drawn too unless its parameters are given."""
     rng = np.random.default_rng([case.seed, *case.plant.encode()])
     plant = PLANTS[case.plant]
-    p = plant.specimen(rng)
+    p = plant.specimen(rng) | dict(specimen or {})
     rate, duration, period = _timing(plant, case.timing)
     step = 1.0 / rate
     lead = 0 if case.at_rest else int(np.ceil(RUN_IN * period * rate))

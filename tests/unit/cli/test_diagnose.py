@@ -92,6 +92,7 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
         ({"holdout": "h.html", "report": "./h.html"}, "--report h.html: this is the record held out itself"),
         ({"holdout": "h.html", "result": "h.html"}, "--json h.html: this is the record held out itself"),
         ({"holdout": "r.csv"}, "--holdout r.csv: this is the record itself; nothing would be held out"),
+        ({"compare": "r.csv"}, "--compare r.csv: this is the record itself; nothing in it can have changed"),
         ({"report": "a.html", "result": "a.html"}, "--json and --report both name a.html"),
         ({"report": "a.pdf"}, "--report a.pdf: its name must end in .html"),
         ({"report": "folder"}, "--report folder: this is a folder; name a file in it"),

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit import Component, Input, Output, Parameter, State, where
 from orchestration.identify.covariance import covariance, heteroscedastic
 from orchestration.identify.noise import white
 from orchestration.identify.prediction_error import fit, fit_free_run, trusted
@@ -173,3 +173,37 @@ def test_a_covariance_is_widened_as_white_has_it_and_never_made_narrower():
     expected = float((x[:, 0] ** 2 * level**2).sum() / (x[:, 0] @ x[:, 0]) ** 2)
     assert wider.matrix[0, 0] == pytest.approx(expected, rel=0.15)
     assert heteroscedastic(bread, x, np.full(4000, 0.1)).matrix[0, 0] == bread.matrix[0, 0]
+
+
+class Limited(Component):
+    """A lag behind a limit."""
+
+    name = "limited"
+
+    limit = Parameter(10.0, "1", min=0)
+    lag = Parameter(0.3, "s", min=1e-3)
+    u = Input("1")
+    x = State("1", rate="x_rate")
+
+    def x_rate(self):
+        return (where(self.u > self.limit, self.limit, self.u) - self.x) / self.lag
+
+    @Output("1")
+    def y(self):
+        """The state."""
+        return self.x
+
+
+@pytest.mark.parametrize("seed", [1, 3, 5])
+def test_a_limit_that_the_record_does_not_reach_is_left_alone(seed):
+    """Just at the largest input it would follow a little of the noise; another start than nominal ends there."""
+    random = np.random.default_rng(seed)
+    u = np.repeat(random.uniform(-3.0, 4.0, 150), 10)
+    decay = np.exp(-STEP / 0.3)
+    x = lfilter([0.0, 1.0 - decay], [1.0, -decay], u)
+    y = 1.1 * x + 0.02 * lfilter([1.0], [1.0, -0.9], random.standard_normal(u.size))
+    problem = Problem(Limited, STEP * np.arange(u.size), {"u": u}, {"y": y / 1.1}, ["limit", "lag"], {})
+    fitted = fit_free_run(problem, starting_points(problem))
+    assert fitted.values["limit"] == pytest.approx(10.0)
+    reached = fit_free_run(problem, [problem.position({"limit": u.max(), "lag": 0.3})])
+    assert (reached.residual["y"] ** 2).sum() == pytest.approx((fitted.residual["y"] ** 2).sum(), rel=0.01)

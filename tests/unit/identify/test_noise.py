@@ -83,6 +83,15 @@ def test_heavy_tails_are_found_beneath_a_colour(freedom, colour):
     assert sum(noise.coefficients) == pytest.approx(colour, abs=0.05)
 
 
+@pytest.mark.parametrize("known", [3.0, 10.0, np.inf])
+def test_a_freedom_that_is_known_is_kept_and_the_scale_is_the_likeliest(known):
+    shocks, everywhere = np.random.default_rng(5).standard_t(4.0, 3000), np.ones(3000, dtype=bool)
+    noise = estimate(shocks, everywhere, 0, everywhere, known)
+    scale = np.std(shocks) if known == np.inf else student.fit(shocks, known, f0=known, floc=0.0)[2]
+    assert noise.freedom == known
+    assert noise.deviation == pytest.approx(scale, rel=2e-3)
+
+
 def test_gaussian_noise_has_no_heavy_tails():
     random = np.random.default_rng(7)
     found = [heavy_tails(random.standard_normal(800))[0] for _ in range(400)]

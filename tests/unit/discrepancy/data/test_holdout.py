@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from tests.support.several import measured, several
 
@@ -53,5 +54,16 @@ def test_errors_are_of_the_samples_that_are_judged():
     data = several("ab")
     validation = ValidationData.separate_record(data)
     wrong = np.where(validation.judged, data.measured["voltage"] + 1.0, 1e3)
-    y = data.measured["voltage"][validation.judged]
-    assert validation.nrmse({"voltage": wrong})["voltage"] == pytest.approx(1.0 / np.std(y))
+    spread = np.nanstd(data.measured["voltage"])
+    assert validation.nrmse({"voltage": wrong})["voltage"] == pytest.approx(1.0 / spread)
+
+
+def test_an_error_is_told_over_the_spread_of_all_that_was_held_out():
+    """Oracle: a ramp from 0 to 1 has the spread 1 / sqrt(12), however much of it tells the start."""
+    ramp = np.linspace(0.0, 1.0, 60001)
+    record = Dataset(np.arange(60001.0), {}, {"y": ramp})
+    alone = ValidationData.separate_record(record)
+    assert alone.first == 10000
+    assert alone.nrmse({"y": ramp + 0.1})["y"] == pytest.approx(0.1 * np.sqrt(12.0), rel=1e-4)
+    tail = ValidationData.tail(record)  # of which the rest was fitted to
+    assert tail.nrmse({"y": ramp + 0.1})["y"] == pytest.approx(0.1 * np.sqrt(12.0) * 3.0, rel=1e-4)

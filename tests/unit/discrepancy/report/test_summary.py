@@ -53,10 +53,11 @@ def written(result):
         level_shifts=[LevelShift(3.0, 1e-3, 0.0)],
         input_steps=ExcessVariance(9.0, 0.0),
     )
+    gains = step.gains | {"double_layer": 12.5}
     full = replace(
         diagnosis,
         verdict=Verdict.AMBIGUOUS,
-        selection=replace(diagnosis.selection, steps=[replace(step, alternatives=[alternative])]),
+        selection=replace(diagnosis.selection, steps=[replace(step, alternatives=[alternative], gains=gains)]),
         residuals={"voltage": residual},
     )
     experiment = DiscriminatingExperiment(
@@ -64,7 +65,7 @@ def written(result):
     )
     notes = [Note(NoteCode.NOT_SIMULATED, "slack", {"reason": "too stiff"})]
     figures = written_down(replace(result, diagnosis=full, experiment=experiment, notes=notes))
-    change = Change("R1", "ohm", 0.5, 1.0, (0.4, 0.6), (0.9, 1.1), True, 0.9)
+    change = Change("R1", 0.5, 1.0, (0.4, 0.6), (0.9, 1.1), True, 0.9, full.final.problem.declared["R1"], "an_effect")
     return figures | {
         "runs": [RunError("a", True, 300, {"voltage": 0.1}).to_dict()],
         "comparison": json.loads(json.dumps([change.to_dict()])),
@@ -107,13 +108,13 @@ def test_the_gain_is_that_of_the_fmus_where_they_were_run(result):
 
 
 def test_delta_bic_of_an_alternative_is_the_evidence_for_it(written, result):
-    """Here the alternative is the base model itself, for which there is none but the price of looking."""
-    selection = result.diagnosis.selection
-    step = selection.steps[0]
+    """As it was when it was held against what was named, whatever was fitted since."""
+    step = result.diagnosis.selection.steps[0]
     (alternative,) = written["alternatives"]
     assert (alternative["effect"], alternative["instead_of"]) == ("double_layer", result.diagnosis.causes[0])
-    fall = selection.base.fit.bic - step.chosen.fit.bic
-    assert alternative["delta_bic"] == pytest.approx(step.gain - fall)
+    assert alternative["delta_bic"] == 12.5
+    assert step.gains[step.chosen.effect_name] == step.gain
+    assert {candidate.effect_name: gain for candidate, gain in step.rejected}.items() <= step.gains.items()
 
 
 def test_a_note_is_written_as_code_subject_and_sentence(written):

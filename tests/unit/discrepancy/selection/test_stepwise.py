@@ -6,9 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm, t
 
-from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from tests.support.regression_model import ASYMMETRY, COUNT, OFFSET, OTHERS, Amplifier, divided_record, offset_record
@@ -52,28 +50,6 @@ def test_what_the_model_itself_can_do_is_no_evidence_for_more(seed):
     selection = select(search, [OFFSET], lesser)
     assert selection.steps == []
     assert selection.base.fit.deviance == pytest.approx(best.fit.deviance, abs=0.1)
-
-
-def test_tails_that_only_a_richer_model_has_are_given_to_both():
-    """Noise of two levels is not taken for heavy tails, but is likelier with them: by SciPy's densities, that much."""
-    random = np.random.default_rng(4)
-    level = np.where(np.arange(COUNT) < 0.7 * COUNT, 1.0, 4.0)
-    signal = random.uniform(-1.0, 1.0, COUNT)
-    data = Dataset(
-        0.1 * np.arange(COUNT), {"signal": signal}, {"shown": 2.0 * signal + level * random.normal(size=COUNT)}
-    )
-    search = Search(data, Amplifier, ["gain"])
-    base = search.nominal()
-    assert base.fit.noise["shown"].freedom == np.inf
-    richer = replace(base, fit=replace(base.fit, noise={"shown": replace(base.fit.noise["shown"], freedom=3.0)}))
-    again = search.nested(base, richer).fit
-    assert again.noise["shown"].freedom == 3.0
-    residual = {"gaussian": base.fit.residual["shown"], "t": again.residual["shown"]}
-    scale = again.noise["shown"].deviation
-    expected = norm.logpdf(residual["gaussian"], scale=np.std(residual["gaussian"])).sum()
-    expected -= t.logpdf(residual["t"] / scale, 3.0).sum() - COUNT * np.log(scale)
-    assert again.deviance - base.fit.deviance == pytest.approx(2.0 * expected, abs=0.5)
-    assert again.deviance < base.fit.deviance - 20.0
 
 
 STRONG = 6.0  # difference of BIC (Kass and Raftery)

@@ -11,15 +11,18 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Input, Output, Parameter
+from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_drift, sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.selection.input_noise import measured_noise
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.validation.errors_in_variables import assess
+from orchestration.discrepancy.selection.stepwise import select
+from orchestration.discrepancy.validation.errors_in_variables import assess, defensible
 from tests.support.diagnosis import short_record
 from tests.support.intersample_records import TRUE, record, stimulus
 
@@ -115,3 +118,25 @@ def test_what_is_there_is_named_through_noise_on_the_inputs():
     noisy = {n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()}
     diagnosis = diagnose(PpyActuator, replace(data, inputs=noisy), [EFFECTS["strain_saturation"], *SENSORS])
     assert diagnosis.causes[:1] == ["strain_saturation"]
+
+
+@pytest.mark.parametrize("hindrance", ["time", "failure"])
+def test_what_could_not_be_held_against_noise_is_not_claimed(monkeypatch, hindrance):
+    data = short_record("strain_saturation")
+    random = np.random.default_rng(1)
+    noisy = {n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()}
+    search = Search(replace(data, inputs=noisy), PpyActuator, ["R1", "R2", "C", "alpha"])
+    selection = select(search, [EFFECTS["strain_saturation"]], search.nominal())
+    noise = assess(search, selection.base)
+    assert [step.chosen.effect_name for step in defensible(selection, search, noise)[0].steps] == ["strain_saturation"]
+
+    def fails(self, fitted):
+        raise UserError("too stiff")
+
+    if hindrance == "time":
+        search.budget = Budget(0.0)
+    else:
+        monkeypatch.setattr(Search, "refit", fails)
+    kept, notes = defensible(selection, search, noise)
+    assert kept.steps == []
+    assert [note.code for note in notes] == [NoteCode.INPUT_NOISE_DOES_THE_SAME]

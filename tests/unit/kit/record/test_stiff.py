@@ -14,6 +14,7 @@ from scipy.linalg import expm
 from fmus.kit import Component, Discrete, Input, Output, Parameter, State, maximum, stack
 from fmus.kit.record import compiled as kit_compiled
 from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.record.exponential import ExponentialIntegrator
 from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.sensors import sensor_lag
 from fmus.kit.symbolic.trace import trace
@@ -78,6 +79,7 @@ class Nonlinear(Drive):
 NOMINAL = {"current": 1.0, "position": 0.1, "velocity": 1.0}
 SIZE = {"R": 3.0, "L": 1e-3, "K": 4.0, "m": 0.3, "b": 1.5, "k": 20.0, "hardening": 300.0, "stop": 100.0}
 HARD, STOPPED = {"hardening": 900.0, "stop": 0.0}, {"hardening": 300.0, "stop": 250.0}
+SHORT = {"L": 1e-4}  # 1500 time constants in a sample: exponential steps are worth while
 STEP = 0.05
 
 
@@ -142,16 +144,18 @@ def ladder_of(time, cls=Drive, linear=False, inputs=1):
 
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize(
-    ("cls", "values"), [(Drive, {}), (Nonlinear, HARD), (Nonlinear, STOPPED)], ids=["linear", "hardening", "stop"]
+    ("cls", "values", "samples"),
+    [(Drive, {}, 40), (Nonlinear, HARD, 40), (Nonlinear, STOPPED, 40), (Nonlinear, HARD | SHORT, 10)],
+    ids=["linear", "hardening", "stop", "stiffer"],
 )
-def test_a_stiff_component_and_its_sensitivities_follow_radau(cls, values, linear):
-    followed(cls, values, STEP * np.arange(40), linear)
+def test_a_stiff_component_and_its_sensitivities_follow_radau(cls, values, samples, linear):
+    followed(cls, values, STEP * np.arange(samples), linear)
 
 
 @pytest.mark.parametrize("linear", [False, True])
 def test_uneven_samples_are_followed_too(linear):
     time = np.cumsum(np.random.default_rng(4).choice([0.03, 0.05, 0.0713, 0.2], 10))
-    followed(Nonlinear, HARD | {"L": 2e-4}, time, linear)
+    followed(Nonlinear, HARD | SHORT, time, linear)
 
 
 def test_what_is_linear_takes_one_step_a_sample_however_stiff():
@@ -168,6 +172,7 @@ def test_the_integrator_is_chosen_by_the_eigenvalues_and_the_clock():
     fastest = 3.0 / 1e-3
     assert ladder_of(even).affine
     assert ladder_of(even, linear=True).affine
+    assert ladder_of(0.5 * even, Nonlinear) is None  # Runge and Kutta take 75 time constants sooner
     assert not ladder_of(even, Nonlinear).affine
     assert ladder_of(even * 1.0 / (fastest * STEP)) is None
     uneven = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 100)) * 30.0 / fastest
@@ -222,6 +227,20 @@ def test_sample_instants_between_samples_are_exact():
     by_gain = 0.8 * 0.4 ** (updates - 1.0) + (1.0 - first) * (updates - 1.0) * 0.4 ** (updates - 2.0)
     np.testing.assert_allclose(ran.signals["x"][1:], exact, rtol=1e-9)
     np.testing.assert_allclose(ran.sensitivities["x"][1:, 0], by_gain, rtol=1e-7, atol=1e-9)
+
+
+def test_steps_that_are_not_worth_while_are_left_to_runge_and_kutta():
+    """A rest that oscillates within a sample asks for more exponential steps than Runge and Kutta cost."""
+    ladder = ladder_of(2.0 * STEP * np.arange(10), Nonlinear)
+    assert ladder.worth * 2.0 * STEP < 4.0
+    integrator = ExponentialIntegrator(
+        ladder, lambda t, x: np.array([math.sin(3e3 * t), 0.0, 0.0]), np.ones(3), 1e-8, 0.0
+    )
+    now, x, tried = 0.0, np.zeros(3), 0
+    while (done := integrator.step(now, 2.0 * STEP, x, False)) is not None:
+        (now, x), tried = done, tried + 1
+    assert tried == math.floor(ladder.worth * 2.0 * STEP) + 1
+    assert integrator.step(now, 200.0 * STEP, x, False) is not None  # later they may be again
 
 
 class Hastened(Component):
