@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -332,9 +332,11 @@ def diagnose(
     if later is None:
         return DiagnosisResult(result)
     try:
-        return DiagnosisResult(result, pipeline.compare(result, later, options, progress), later)
+        found, notes = pipeline.compare(result, later, options, progress)
     except UnusableRecordError as error:
         raise _unusable([later], error) from error
+    more = [note for note in notes if note not in result.notes]
+    return DiagnosisResult(replace(result, notes=[*result.notes, *more]), found, later)
 
 
 def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:

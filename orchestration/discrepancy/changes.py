@@ -57,6 +57,8 @@ class Change:
         95 % confidence intervals.
     changed : bool
         Whether it is claimed to be another after than before.
+    uncertain : bool
+        Whether it surely is by the noise, but stretches of the records do not agree about it.
     gain : float
         Of the squared error that is gained by letting go of all parameters, the share that letting go of this one
         gained when it was its turn; of one that is not needed, what it would gain beside those that are.
@@ -74,6 +76,7 @@ class Change:
     before_interval: tuple[float, float]
     after_interval: tuple[float, float]
     changed: bool
+    uncertain: bool
     gain: float
     declaration: ParameterDeclaration
     effect: str = ""
@@ -95,7 +98,8 @@ class Change:
         """Return it ready for JSON."""
         records = ((self.before, self.before_interval), (self.after, self.after_interval))
         before, after = ({"value": value, "ci95": [number(end) for end in ends]} for value, ends in records)
-        about = {"parameter": self.name, "unit": self.unit, "changed": self.changed, "gain": self.gain}
+        about: dict[str, Any] = {"parameter": self.name, "unit": self.unit, "changed": self.changed}
+        about |= {"uncertain": self.uncertain, "gain": self.gain}
         return {**about, **({"effect": self.effect} if self.effect else {}), "before": before, "after": after}
 
 
@@ -158,7 +162,10 @@ def changes(
     everything = _fitted(search, candidate, tuple(told), [shared.fit.values | apart, shared.fit.values])
     best, gains, rest = shared, dict[str, float](), list(told)
     total = shared.error - everything.error
-    while rest and total > 0.0 and not search.budget.spent():
+    while rest and total > 0.0:
+        if search.budget.spent():
+            search.budget.leave(rest)
+            break
         progress(f"letting go of {', '.join(rest)}")
         origins = [best.fit.values, best.fit.values | everything.fit.values]
         tried = side_by_side(partial(_let_go, search, candidate, best.free, origins), rest)
@@ -171,11 +178,17 @@ def changes(
         best, gains[name] = nearest, left[name]
         rest.remove(name)
     reported = _fitted(search, candidate, tuple(told), [best.fit.values | everything.fit.values])
-    agreed = [name for name in best.free if _agreed(best, name, len(told))]
+    sure = [name for name in best.free if significantly_different(*_difference(best, name))]
+    agreed = [name for name in sure if _agreed(best, name, len(told))]
     order = [*agreed, *(name for name in (*best.free, *rest) if name not in agreed)]
     owner = {name: label(effect) for effect in candidate.effects for name in own_parameters(effect)}
     found = [_change(best if n in agreed else reported, n, n in agreed, gains.get(n, 0.0)) for n in order]
-    return [replace(c, effect=owner.get(c.name, ""), neutral=neutral.get(c.name)) for c in found]
+    return [
+        replace(
+            c, uncertain=c.name in sure and not c.changed, effect=owner.get(c.name, ""), neutral=neutral.get(c.name)
+        )
+        for c in found
+    ]
 
 
 def _with_trace(
@@ -217,14 +230,14 @@ def _difference(one: _Fit, name: str, spread: Covariance | None = None) -> tuple
 
 
 def _agreed(one: _Fit, name: str, tried: int) -> bool:
-    """Whether a difference is sure in the noise, and the stretches of both records agree about it.
+    """Whether the stretches of both records agree about a difference.
 
     Their number is small, so Student's distribution tells how far off chance takes them; the threshold is for all
     parameters together.
     """
     difference, error = _difference(one, name, _between_stretches(one))
     threshold = float(student.isf(ALPHA / (2.0 * tried), STRETCHES - 1))
-    return abs(difference) > threshold * error and significantly_different(*_difference(one, name))
+    return abs(difference) > threshold * error
 
 
 def _between_stretches(one: _Fit) -> Covariance:
@@ -248,4 +261,4 @@ def _change(one: _Fit, name: str, changed: bool, gain: float) -> Change:
     intervals = one.problem.intervals(one.fit.q, errors)
     later, values = f"{name}@{AFTER}", one.fit.values
     declared = one.problem.declared[name]
-    return Change(name, values[name], values[later], intervals[name], intervals[later], changed, gain, declared)
+    return Change(name, values[name], values[later], intervals[name], intervals[later], changed, False, gain, declared)

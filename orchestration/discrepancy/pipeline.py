@@ -182,7 +182,7 @@ def diagnose(
 
 def compare(
     result: Result, after: Record, options: Options | None = None, progress: Callable[[str], None] = lambda text: None
-) -> list[Change]:
+) -> tuple[list[Change], list[Note]]:
     """Tell which parameters of a diagnosed model, those of its effects too, are others in a later record.
 
     Parameters
@@ -193,6 +193,12 @@ def compare(
     options : Options, optional
         That the diagnosis was made with.
     progress : callable
+
+    Returns
+    -------
+    changes : list of Change
+    notes : list of Note
+        On time that was spent, if any was.
 
     Raises
     ------
@@ -223,7 +229,9 @@ def compare(
     values |= best.problem.start | best.fit.values
     own = {*candidate.cls.layout.start_parameters, *chosen.each}
     common, single = ([n for n in dict.fromkeys(parameters) if (n in own) is which] for which in (False, True))
-    return changes(candidate, data, common, single, values, progress, _budget(chosen, data))
+    enough = _budget(chosen, data)
+    found = changes(candidate, data, common, single, values, progress, enough)
+    return found, [*budget.notes, *enough.notes]
 
 
 def _usable(diagnosis: Diagnosis, label: str) -> dict[str, Dataset]:

@@ -97,3 +97,4 @@ def test_a_supercapacitor_has_aged(public_data):
     assert set(changed) == {"R1", "C"}
     assert 2.5 < changed["R1"] < 5.0
     assert changed["C"] == pytest.approx(0.55, abs=0.1)
+    assert [change.name for change in said.changes if change.uncertain] == ["R2"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmus.kit.units import shown
-from orchestration.discrepancy.changes import RELEVANT, Change
+from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.report import elements, typography
 from orchestration.identify.estimate import Estimate
 
@@ -42,4 +42,4 @@ def _gain(change: Change) -> str:
 def _verdict(change: Change) -> str:
     if change.changed:
         return "changed"
-    return "uncertain" if change.gain >= RELEVANT else "not claimed"
+    return "uncertain" if change.uncertain else "not claimed"

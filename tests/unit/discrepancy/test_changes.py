@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from orchestration.discrepancy.candidates.candidate import Candidate
@@ -58,3 +59,31 @@ def test_what_the_model_lacks_in_both_records_is_no_change(seed):
         bent[label] = replace(record, measured={"voltage": voltage})
     told = changes(Candidate((), Cell), Dataset.joined(bent), PARAMETERS, ["relaxed_start"], {})
     assert [change.name for change in told if change.changed] == ["R1"]
+
+
+def scattering(seed, start, **other):
+    """A record in which the resistance is another in each of ten stretches, by 20 %, and the same on average."""
+    record = measured(seed, start, **other)
+    parts = 0.2 * TRUE["R0"] * np.random.default_rng(900 + seed).standard_normal(10)
+    more = np.repeat(parts - parts.mean(), len(record.time) // 10)
+    return replace(record, measured={"voltage": record.measured["voltage"] - more * record.inputs["current"]})
+
+
+def resistance(seed, factor):
+    records = {BEFORE: scattering(2 * seed, 3.0), AFTER: scattering(2 * seed + 1, -4.0, R0=factor * TRUE["R0"])}
+    told = changes(Candidate((), Cell), Dataset.joined(records), PARAMETERS, ["relaxed_start"], {})
+    return [change for change in told if change.changed], [change.name for change in told if change.uncertain]
+
+
+def test_what_is_not_alike_within_a_record_is_no_change_between_two():
+    """By the noise alone one in six is beyond five standard errors; chance makes them all, and 1 % is granted to it."""
+    told = [resistance(seed, 1.0) for seed in range(60, 84)]
+    assert sum(bool(claimed) for claimed, _ in told) <= 1
+    assert sum(bool(uncertain) for _, uncertain in told) >= 2
+
+
+def test_what_changed_by_more_than_within_a_record_is_told():
+    claimed, _ = resistance(70, 2.0)
+    assert [change.name for change in claimed] == ["R0"]
+    low, high = claimed[0].after_interval
+    assert low < 2.0 * TRUE["R0"] < high

@@ -65,7 +65,9 @@ def written(result):
     )
     notes = [Note(NoteCode.NOT_SIMULATED, "slack", {"reason": "too stiff"})]
     figures = written_down(replace(result, diagnosis=full, experiment=experiment, notes=notes))
-    change = Change("R1", 0.5, 1.0, (0.4, 0.6), (0.9, 1.1), True, 0.9, full.final.problem.declared["R1"], "an_effect")
+    change = Change(
+        "R1", 0.5, 1.0, (0.4, 0.6), (0.9, 1.1), True, False, 0.9, full.final.problem.declared["R1"], "an_effect"
+    )
     return figures | {
         "runs": [RunError("a", True, 300, {"voltage": 0.1}).to_dict()],
         "comparison": json.loads(json.dumps([change.to_dict()])),
