@@ -62,8 +62,6 @@ class Diagnosis:
         Parameters that differ significantly from nominal, the surest first.
     residuals : dict of str to ResidualAnalysis
         By output, of the best model over the estimation data.
-    before, after : dict of str to float
-        Normalised RMS error on the validation data, of the refitted base and of the best model, by output.
     fitted_errors, judged_errors : dict of str to dict of str to float
         Normalised RMS errors of free runs over the estimation and the validation data, by model and output; see
         `errors_side_by_side`.
@@ -86,8 +84,6 @@ class Diagnosis:
     estimates: dict[str, Estimate]
     changed: list[str]
     residuals: dict[str, ResidualAnalysis]
-    before: dict[str, float]
-    after: dict[str, float]
     fitted_errors: Errors
     judged_errors: Errors
     estimation: Dataset
@@ -100,6 +96,16 @@ class Diagnosis:
     def unexplained(self, output: str) -> list[Structure]:
         """Structure in the residual of an output that noise on the inputs does not make, the most telling first."""
         return [s for s in self.residuals[output].structure if (output, type(s)) not in self.excused]
+
+    @property
+    def before(self) -> dict[str, float]:
+        """Normalised RMS error of the refitted model on the validation data, by output."""
+        return self.judged_errors["refitted"]
+
+    @property
+    def after(self) -> dict[str, float]:
+        """Normalised RMS error of the best model on the validation data, by output."""
+        return self.judged_errors.get("extended", self.before)
 
     @property
     def causes(self) -> list[str]:
@@ -192,8 +198,7 @@ def diagnose(
     odd = implausible(values, physical)
     residuals = analyse_residuals(selection.best, estimation)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
-    before, after = predictions[0].errors, predictions[-1].errors
-    errors = errors_side_by_side(selection.base, selection.best, validation)
+    errors = errors_side_by_side(predictions, validation)
     notes = [
         *_excitation_notes([*parts.notes, *by_clock], estimation, excited, starts),
         *intersample.remarks(chosen),
@@ -212,7 +217,7 @@ def diagnose(
     if inconclusive:
         verdict = Verdict.AMBIGUOUS
     return Diagnosis(
-        verdict, selection, values, changed, residuals, before, after, *errors, estimation, validation, final, notes,
+        verdict, selection, values, changed, residuals, *errors, estimation, validation, final, notes,
         chosen, excused,
     )  # fmt: skip
 

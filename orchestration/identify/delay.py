@@ -8,11 +8,12 @@ discrete states, each with derivatives, cost many times the model.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, stack
+from fmus.kit import Component, Effect, stack
 from fmus.kit.record.compiled import CompiledModel, Trajectory
 from fmus.kit.record.smooth_inputs import with_knots
 from fmus.kit.sensors import transport_delay
@@ -46,9 +47,7 @@ class DelayedModel:
         others = [e for e in effects if e not in delays]
         self.layout, self._linear = cls.layout, linear
         self.delays = {effect.output: effect.neutral for effect in delays}
-        self._model = CompiledModel(
-            stack(base, *others) if others else base, [n for n in sensitivities if n not in self.delays.values()]
-        )
+        self._model = _compiled(base, tuple(others), tuple(n for n in sensitivities if n not in self.delays.values()))
         self._known = {p.name for p in self._model.layout.parameters}
         self._names = list(sensitivities)
 
@@ -121,6 +120,12 @@ def _picked(ran: Trajectory, at: slice) -> Trajectory:
     """Some of the instants of a simulation."""
     parts = ({name: values[at] for name, values in group.items()} for group in (ran.signals, ran.sensitivities))
     return Trajectory(*parts)
+
+
+@lru_cache(maxsize=64)
+def _compiled(base: type[Component], effects: tuple[type[Effect], ...], names: tuple[str, ...]) -> CompiledModel:
+    """A model once for all fits of it: to trace one with many parameters takes seconds."""
+    return CompiledModel(stack(base, *effects) if effects else base, names)
 
 
 def _delayed_instants(time: Array, delay: float) -> tuple[Array, Array]:

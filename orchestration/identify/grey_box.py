@@ -24,12 +24,11 @@ from orchestration.identify.estimate import Estimate
 from orchestration.identify.noise import Noise, autoregression
 from orchestration.identify.prediction_error import FitResult, Method
 from orchestration.identify.problem import Problem
-from orchestration.identify.trust_region import minimise
 from orchestration.reporting.plain import plain_text, preformatted
 
 Array = NDArray[np.float64]
 # nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
-_METHOD = Method(minimise, tolerance=1e-6, passes=5, settled=1e-3)
+_METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
 _VAGUE = float(np.log(10.0) / norm.ppf(0.975))  # standard error of a logarithm whose parameter is hardly determined
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 

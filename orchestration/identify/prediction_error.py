@@ -7,7 +7,7 @@ method. Physical parameters may have a Gaussian prior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from orchestration.identify import tails
 from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
-from orchestration.identify.levenberg_marquardt import Minimum, minimise, residual_or_none
+from orchestration.identify.least_squares import Minimum, minimise, residual_or_none
 from orchestration.identify.noise import Noise, white
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
 
 Array = NDArray[np.float64]
-Residual = Callable[[Array], Array]
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 PRIOR_STD = 1.0
@@ -41,8 +40,6 @@ class Method:
 
     Attributes
     ----------
-    minimise : callable
-        `levenberg_marquardt.minimise`, or what has the same face.
     tolerance : float
         Fall of the sum of squared innovations that ends a search.
     passes : int
@@ -51,7 +48,6 @@ class Method:
         Fall of BIC from one pass to the next that ends them.
     """
 
-    minimise: Callable[[Residual, Residual, Array, Array, Array, float], Minimum] = minimise
     tolerance: float = 0.05
     passes: int = 3
     settled: float = 0.5
@@ -298,11 +294,9 @@ def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _P
         return np.vstack([*(slope[:, np.newaxis] * whitened[o] for o, (_, slope) in rooted(q).items()), prior.jacobian])
 
     tolerance = method.tolerance / problem.samples
-    best = method.minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance)
+    best = minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance)
     while (other := problem.beyond(best.q)) is not None:
-        tried = method.minimise(
-            problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), tolerance
-        )
+        tried = minimise(problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), tolerance)
         if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
         best = tried

@@ -19,7 +19,9 @@ from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import Trajectory
 from orchestration.identify.delay import DelayedModel
+from orchestration.identify.least_squares import SearchEndedError
 from orchestration.identify.noise import ORDER, Noise, estimate
+from orchestration.records.input_steps import input_steps
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
 Array = NDArray[np.float64]
@@ -52,10 +54,6 @@ class Scale:
     def slope(self, q: float) -> float:
         """Return d value / d q."""
         return float(np.exp(q)) if self.logarithmic else self.size
-
-
-class OutOfTimeError(UserError):
-    """A search has no time left for another point."""
 
 
 class ModelOverRuns:
@@ -242,7 +240,7 @@ class Problem:
         def limited(q: Array) -> Array:
             nonlocal begun
             if begun and self.out_of_time():
-                raise OutOfTimeError("there is no time left to search on")
+                raise SearchEndedError("there is no time left to search on")
             begun = True
             return residual(q)
 
@@ -314,12 +312,6 @@ class Problem:
         low, high = self.bounds()
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
         return np.clip(q, low + nudge, high - nudge)
-
-
-def input_steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
-    """Where any input differs from the sample before by more than a hundredth of its range; `count` without inputs."""
-    moved = [np.abs(np.diff(u, prepend=u[:1])) > 0.01 * np.ptp(u) for u in inputs.values() if np.ptp(u) > 0.0]
-    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
 
 
 def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:

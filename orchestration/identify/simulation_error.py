@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from fmus.kit.errors import UserError
-from orchestration.identify.levenberg_marquardt import Minimum, minimise
+from orchestration.identify.least_squares import Minimum, minimise
 from orchestration.identify.noise import noise_std
 from orchestration.identify.problem import Problem
 from orchestration.records.joined import base_name

@@ -98,6 +98,5 @@ def _scaled(innovation: Array, freedom: float) -> tuple[float, float]:
     square = innovation**2
     scale = float(np.median(np.abs(innovation))) / float(norm.ppf(0.75)) or float(np.sqrt(square.mean()))
     for _ in range(_ROUNDS):
-        weights = (freedom + 1.0) / (freedom + square / scale**2)
-        scale = float(np.sqrt(np.mean(weights * square)))
+        scale = float(np.sqrt(np.mean(weights(innovation / scale, freedom) * square)))
     return float(t.logpdf(innovation / scale, freedom).sum()) - len(square) * float(np.log(scale)), scale

@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from fmus.kit.build import toolchain
 from fmus.kit.build.sources import FOLDER, UNIT, unit
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
+from fmus.kit.layout import Layout
 from fmus.kit.record.interpreted import Interpreted
 from fmus.kit.record.linearisation import Ladder, Linearisation
 from fmus.kit.symbolic import codegen
@@ -31,6 +33,9 @@ from fmus.kit.symbolic.sensitivity import with_sensitivities
 from fmus.kit.symbolic.trace import Graph, trace
 
 Array = NDArray[np.float64]
+# CasADi counts references to its constants, which all expressions share, without regard to threads: to make or to drop
+# expressions in two threads at once ends the process.
+_EXPRESSIONS = RLock()
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -67,16 +72,23 @@ class CompiledModel:
     """
 
     def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
-        base = model if isinstance(model, Graph) else trace(model)
-        if not base.restorable:
-            raise UserError(f"{base.name} has no equations: it stands for something outside; simulate or run it")
-        self.layout = base.layout
         self.names = list(sensitivities)
-        self._graph = with_sensitivities(base, self.names)
-        self._linearisation = Linearisation(base, self._graph)
-        hoisted, self._hoisted = hoist(self._graph)
-        states = len(base.layout.states)
-        self._engine = _Library(hoisted, states) if _compiler() else Interpreted(hoisted)
+        with _EXPRESSIONS:
+            base = model if isinstance(model, Graph) else trace(model)
+            if not base.restorable:
+                raise UserError(f"{base.name} has no equations: it stands for something outside; simulate or run it")
+            self.layout = base.layout
+            self._graph = with_sensitivities(base, self.names)
+            self._linearisation = Linearisation(base, self._graph)
+            hoisted, self._hoisted = hoist(self._graph)
+            layout = hoisted.layout
+            made = _sources(hoisted, len(base.layout.states)) if _compiler() else Interpreted(hoisted)
+            del base, hoisted
+        self._engine = made if isinstance(made, Interpreted) else _Library(layout, made)
+
+    def __del__(self) -> None:
+        with _EXPRESSIONS:
+            self.__dict__.clear()
 
     def run(
         self,
@@ -130,7 +142,8 @@ class CompiledModel:
         times = np.ascontiguousarray(time, dtype=float)
         named = {v.name for v in layout.inputs} if linear is True else linear or ()
         moving = np.array([float(v.name in named) for v in layout.inputs])
-        ladder = self._linearisation.ladder(times, table, bool(moving.any()), vector)
+        with _EXPRESSIONS:  # some are made when they are needed first
+            ladder = self._linearisation.ladder(times, table, bool(moving.any()), vector)
         outputs, states = self._engine.simulate(times, table, moving, everything, self._graph.tolerance, effort, ladder)
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
@@ -168,11 +181,10 @@ class _Ladder(ctypes.Structure):
 
 
 class _Library:
-    """A graph, compiled; of its states the first are those of the component."""
+    """A graph, compiled."""
 
-    def __init__(self, graph: Graph, states: int):
-        self._function = _load(graph, states)
-        layout = graph.layout
+    def __init__(self, layout: Layout, sources: dict[str, bytes]):
+        self._function = _load(sources)
         self._outputs, self._states = len(layout.outputs), len(layout.states) + len(layout.discretes)
 
     def simulate(
@@ -199,11 +211,15 @@ class _Library:
         return outputs, states
 
 
-def _load(graph: Graph, states: int) -> Any:
-    """Compile, or take from the cache, and bind ``ppy_simulate``."""
+def _sources(graph: Graph, states: int) -> dict[str, bytes]:
+    """C files of a graph, of whose states the first are those of the component."""
     sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()}
     sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
-    sources["record.h"] = f"#define RECORD_STATES {states}\n".encode()
+    return sources | {"record.h": f"#define RECORD_STATES {states}\n".encode()}
+
+
+def _load(sources: dict[str, bytes]) -> Any:
+    """Compile, or take from the cache, and bind ``ppy_simulate``."""
     target = toolchain.host_platform()
     digest = hashlib.sha256(toolchain.find_compiler(target).label.encode())
     for name in sorted(sources):

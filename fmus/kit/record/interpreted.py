@@ -6,6 +6,7 @@ The same operations in the same order as ``fmi2/record.c``, at a hundredth of it
 from __future__ import annotations
 
 import math
+from threading import Lock
 from typing import Any
 
 import casadi as ca
@@ -47,6 +48,7 @@ class Interpreted:
     """
 
     def __init__(self, graph: Graph):
+        self._lock = Lock()  # all simulations have the same memory
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
         self._groups = layout.inputs, (*layout.states, *layout.discretes), layout.outputs
@@ -90,6 +92,13 @@ class Interpreted:
         UserError
             If the simulation fails.
         """
+        with self._lock:
+            return self._simulated(time, table, linear, parameters, tolerance, effort, ladder)
+
+    def _simulated(
+        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float,
+        ladder: Ladder | None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         self._parameters[:], self._tolerance, self._hint, budget = parameters, tolerance, math.inf, effort * len(time)
         self._x[:], self._z[:] = (parameters[where] for where in self._starts)
         self._exponential = (

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.covariance import covariance
-from orchestration.identify.levenberg_marquardt import minimise
+from orchestration.identify.least_squares import minimise
 from orchestration.identify.noise import ORDER, Noise, yule_walker
 from orchestration.identify.prediction_error import PRIOR_STD
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import f, norm, rankdata
 
 from orchestration.discrepancy.residuals.innovations import Innovations
-from orchestration.discrepancy.residuals.jumps import input_steps
+from orchestration.records.input_steps import input_steps
 
 Array = NDArray[np.float64]
 ALPHA = 1e-6  # probability in noise of one level

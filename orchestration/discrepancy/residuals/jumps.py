@@ -11,12 +11,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from orchestration.records.input_steps import input_steps
+
 Array = NDArray[np.float64]
 ALPHA = 1e-9  # probability of seeing so sudden a change in noise; a slip that matters is far beyond
 LASTING = 1e-6  # probability of a change of level as large as that in noise that is of the colour of the residual
 KEPT = 0.5  # share of a sudden change that must be left of it, or it was an outlier
 SETTLING_SAMPLES = 4  # samples after a step of an input in which no jump is seen
-_STEP = 4.0  # times the median change from sample to sample, above which an input steps
 _WINDOW = 16  # samples on either side, at least, that tell the level
 _FORGOTTEN = 0.1  # autocorrelation at which noise has forgotten: its level is that of as many samples
 _LONGEST = 1 / 20  # of the residual
@@ -97,20 +98,6 @@ def level_shifts(residual: Array, time: Array, inputs: Mapping[str, Array], step
         if p < LASTING and change * np.sign(difference[k]) > KEPT * abs(difference[k]):
             shifts.append(LevelShift(float(time[k + 1]), float(difference[k]), p))
     return shifts
-
-
-def input_steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
-    """Where any input leaves its course: by a hundredth of its range, and far more than it usually goes in a sample.
-
-    None in `count` samples without inputs.
-    """
-    moved = [_steps(u) for u in inputs.values() if np.ptp(u) > 0.0]
-    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
-
-
-def _steps(values: Array) -> NDArray[np.bool_]:
-    change = np.abs(np.diff(values, prepend=values[:1]))
-    return np.asarray(change > max(0.01 * float(np.ptp(values)), _STEP * float(np.median(change))))
 
 
 def _memory(values: Array) -> int:

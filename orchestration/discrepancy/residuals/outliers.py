@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from orchestration.discrepancy.residuals.innovations import local_level
-from orchestration.discrepancy.residuals.jumps import SETTLING_SAMPLES, input_steps
+from orchestration.discrepancy.residuals.jumps import SETTLING_SAMPLES
+from orchestration.records.input_steps import input_steps
 
 Array = NDArray[np.float64]
 _FAR = 6.0  # standard deviations by which a sample leaves the middle between its neighbours

@@ -94,9 +94,7 @@ class Search:
             a search that ran out of time may leave it at, it is fitted from there.
         """
         problem, scales = fitted.problem, error_scales(fitted.problem)
-        begun = [fitted.fit.q] + ([] if fitted.free_run is None else [fitted.free_run.q])
-        ends = [fit_free_run(problem, [q], self._physical(problem)) for q in begun]
-        free_run = min(ends, key=lambda end: pooled_error(end.residual, scales))
+        free_run = fitted.free_run or fit_free_run(problem, [fitted.fit.q], self._physical(problem))
         if below is not None and pooled_error(free_run.residual, scales) > pooled_error(below.fit.residual, scales):
             at_rest = problem.position(problem.start | below.fit.values)
             free_run = fit_free_run(problem, [at_rest], self._physical(problem))

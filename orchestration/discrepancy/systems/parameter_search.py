@@ -14,7 +14,7 @@ from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.signal import read_signal
 from orchestration.identify.covariance import covariance, sandwich
-from orchestration.identify.levenberg_marquardt import minimise
+from orchestration.identify.least_squares import minimise
 from orchestration.identify.metrics import rms
 from orchestration.identify.noise import estimate
 from orchestration.identify.problem import Scale

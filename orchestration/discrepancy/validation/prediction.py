@@ -12,7 +12,7 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.stepwise import Selection
-from orchestration.identify.levenberg_marquardt import minimise
+from orchestration.identify.least_squares import minimise
 from orchestration.identify.noise import Noise
 from orchestration.identify.problem import Problem
 from orchestration.records.joined import base_name, names_in

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,23 +11,20 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData
-from orchestration.discrepancy.validation.prediction import predict
+from orchestration.discrepancy.validation.prediction import Prediction, predict
 from orchestration.identify.prediction_error import FitResult
 
 Errors = dict[str, dict[str, float]]  # by model and output
 
 
-def errors_side_by_side(
-    base: FittedCandidate, extended: FittedCandidate, validation: ValidationData
-) -> tuple[Errors, Errors]:
+def errors_side_by_side(predictions: Sequence[Prediction], validation: ValidationData) -> tuple[Errors, Errors]:
     """Normalised RMS errors of free runs, where was fitted and where nothing was.
 
     Parameters
     ----------
-    base : FittedCandidate
-        Refitted, with its fit by plain least squares.
-    extended : FittedCandidate
-        The same one if nothing was added.
+    predictions : sequence of Prediction
+        Of the refitted model, which has its fit by plain least squares with it, and of those with one effect after the
+        other, over the validation data.
     validation : ValidationData
 
     Returns
@@ -36,21 +33,24 @@ def errors_side_by_side(
         By model - ``untouched``, ``least_squares``, ``refitted``, ``extended`` - and output. A model that cannot be
         simulated there, or was not made, is not among them.
     """
-    models = {"untouched": _untouched(base), "refitted": base}
-    if base.free_run is not None:
-        models["least_squares"] = replace(base, fit=base.free_run)
-    if extended is not base:
-        models["extended"] = extended
-    fitted, judged = {}, {}
-    for name in ("untouched", "least_squares", "refitted", "extended"):
-        if (model := models.get(name)) is None:
+    base, fitted, judged = predictions[0].model, {}, {}
+    least_squares = None if base.free_run is None else replace(base, fit=base.free_run)
+    for name, model in (("untouched", _untouched(base)), ("least_squares", least_squares)):
+        if model is None:
             continue
-        fitted[name] = {o: _normalised(e, _measured(model, o)) for o, e in model.fit.residual.items()}
+        fitted[name] = _fitted_errors(model)
         try:
             judged[name] = predict(validation, model).errors
         except UserError:  # it stands for estimation data alone
             continue
+    made = {"refitted": predictions[0]} | ({"extended": predictions[-1]} if len(predictions) > 1 else {})
+    fitted |= {name: _fitted_errors(prediction.model) for name, prediction in made.items()}
+    judged |= {name: prediction.errors for name, prediction in made.items()}
     return fitted, judged
+
+
+def _fitted_errors(model: FittedCandidate) -> dict[str, float]:
+    return {o: _normalised(e, _measured(model, o)) for o, e in model.fit.residual.items()}
 
 
 def _untouched(base: FittedCandidate) -> FittedCandidate | None:

@@ -121,14 +121,14 @@ def test_in_heavy_tails_it_comes_close_to_the_bound():
     """Of variance (Lange, Little, Taylor): (nu + 3) / (nu + 1) of the scale; least squares have nu / (nu - 2)."""
     u, freedom, errors = square(600), 3.0, []
     clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
-    for seed in range(40):
+    for seed in range(200):
         y = clean + 0.05 * np.random.default_rng(seed).standard_t(freedom, u.size)
         problem = problem_of(y, u, {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}, ["gain"], order=0)
         begin = problem.position(problem.start)
         errors.append([f.values["gain"] - 2.0 for f in (fit(problem, begin), fit_free_run(problem, [begin]))])
     robust, plain = np.mean(np.square(errors), axis=0)
     bound = (0.05**2 * (freedom + 3.0) / (freedom + 1.0)) / float((clean / 2.0) @ (clean / 2.0))
-    assert robust < 1.6 * bound  # of 40 samples 1 in 1000 is beyond
+    assert robust < 1.4 * bound  # of 200 samples 1 in 1000 is beyond
     assert robust < 0.75 * plain
 
 

@@ -1,39 +1,53 @@
-"""The least-squares searches against SciPy's, and how they step back."""
+"""The search for a least sum of squares: where it ends, and how it steps back."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares, rosen
 
 from fmus.kit.errors import UserError
-from orchestration.identify import levenberg_marquardt, trust_region
-
-SEARCHES = pytest.mark.parametrize("minimise", [levenberg_marquardt.minimise, trust_region.minimise])
+from orchestration.identify.least_squares import SearchEndedError, minimise
 
 
-@SEARCHES
-def test_the_search_finds_what_scipy_finds(minimise):
+def valley(steepness):
+    """Rosenbrock's function as two residuals, and their Jacobian; its only minimum is at (1, 1)."""
+
     def rows(q):
-        return np.array([10.0 * (q[1] - q[0] ** 2), 1.0 - q[0]])
+        return np.array([steepness * (q[1] - q[0] ** 2), 1.0 - q[0]])
 
     def slopes(q):
-        return np.array([[-20.0 * q[0], 10.0], [-1.0, 0.0]])
+        return np.array([[-2.0 * steepness * q[0], steepness], [-1.0, 0.0]])
 
-    wide, start = np.array([5.0, 5.0]), np.array([-1.2, 1.0])
-    found = minimise(rows, slopes, start, -wide, wide, 1e-14, 200)
-    assert rosen(found.q) < 1e-12
+    return rows, slopes
+
+
+@pytest.mark.parametrize(("steepness", "start"), [(10.0, -1.2), (10.0, -10.0), (1000.0, -10.0)])
+def test_a_search_goes_on_along_a_narrow_valley(steepness, start):
+    wide = np.full(2, 1e9)
+    found = minimise(*valley(steepness), np.array([start, 1.0]), -wide, wide, 1e-12)
     assert found.converged
-    assert not minimise(rows, slopes, start, -wide, wide, 1e-14, 3).converged
-    bound = np.array([0.5, 5.0])
-    expected = least_squares(rows, [-1.2, 1.0], slopes, bounds=(-wide, bound)).x
-    at_bound = minimise(rows, slopes, start, -wide, bound, 1e-14, 200).q
-    assert at_bound == pytest.approx(expected, rel=1e-4)
-    assert at_bound[0] == bound[0]  # not merely close
+    assert found.q == pytest.approx([1.0, 1.0], rel=1e-4)
 
 
-@SEARCHES
-def test_the_search_steps_back_from_what_is_not_finite(minimise):
+def test_a_search_that_used_up_its_trials_has_not_converged():
+    wide = np.full(2, 5.0)
+    assert not minimise(*valley(10.0), np.array([-1.2, 1.0]), -wide, wide, 1e-14, 3).converged
+
+
+def test_a_bound_is_kept_and_reached():
+    found = minimise(*valley(10.0), np.array([-1.2, 1.0]), np.full(2, -5.0), np.array([0.5, 5.0]), 1e-14)
+    assert found.q == pytest.approx([0.5, 0.25], rel=1e-4)
+    assert found.q[0] == 0.5  # not merely close
+
+
+def test_a_coordinate_between_equal_bounds_stays():
+    end = np.array([0.5, -1.0])
+    found = minimise(*valley(10.0), np.array([0.5, 3.0]), end, np.array([0.5, 5.0]), 1e-14)
+    assert found.q == pytest.approx([0.5, 0.25], rel=1e-4)
+    assert minimise(*valley(10.0), np.array([9.0, 9.0]), end, end) == (pytest.approx(end), True)
+
+
+def test_the_search_steps_back_from_what_is_not_finite():
     def rows(q):
         return np.array([np.log(q[0]) - 1.0 if q[0] > 0.0 else np.inf])
 
@@ -41,8 +55,7 @@ def test_the_search_steps_back_from_what_is_not_finite(minimise):
     assert q == pytest.approx([np.e], rel=1e-3)
 
 
-@SEARCHES
-def test_the_search_steps_back_from_what_is_refused_but_does_not_start_there(minimise):
+def test_the_search_steps_back_from_what_is_refused_but_does_not_start_there():
     def rows(q):
         if q[0] <= 0.0:
             raise UserError("no logarithm")
@@ -55,18 +68,36 @@ def test_the_search_steps_back_from_what_is_refused_but_does_not_start_there(min
         minimise(rows, lambda q: np.array([[1.0 / q[0]]]), np.array([-0.5]), *ends)
 
 
-@SEARCHES
-@pytest.mark.parametrize(("steepness", "start"), [(10.0, -10.0), (1000.0, -10.0)])
-def test_a_search_goes_on_along_a_narrow_valley(minimise, steepness, start):
-    """Rosenbrock's function: it has one minimum, and dozens of steps lead there."""
+@pytest.mark.parametrize("start", [1.0, 9.0])
+def test_the_start_is_a_point_even_if_all_others_are_refused(start):
+    asked = []
 
     def rows(q):
-        return np.array([steepness * (q[1] - q[0] ** 2), 1.0 - q[0]])
+        asked.append(q.copy())
+        if len(asked) > 1:
+            raise UserError("there is no time left")
+        return q - 3.0
 
-    def slopes(q):
-        return np.array([[-2.0 * steepness * q[0], steepness], [-1.0, 0.0]])
+    found = minimise(rows, lambda q: np.eye(1), np.array([start]), np.array([-9.0]), np.array([9.0]))
+    assert found == (pytest.approx([start]), False)
+
+
+def test_a_search_that_starts_at_what_is_not_finite_is_refused():
+    with pytest.raises(UserError, match="not finite"):
+        minimise(lambda q: np.array([np.nan]), lambda q: np.eye(1), np.zeros(1), -np.ones(1), np.ones(1))
+
+
+def test_a_search_that_is_ended_keeps_its_best_point():
+    asked = []
+
+    def rows(q):
+        asked.append(q.copy())
+        if len(asked) > 6:
+            raise SearchEndedError("there is no time left")
+        return valley(10.0)[0](q)
 
     wide = np.full(2, 1e9)
-    found = minimise(rows, slopes, np.array([start, 1.0]), -wide, wide, 1e-12)
-    assert found.converged
-    assert found.q == pytest.approx([1.0, 1.0], rel=1e-4)
+    found = minimise(rows, valley(10.0)[1], np.array([-1.2, 1.0]), -wide, wide, 1e-12)
+    costs = [float((valley(10.0)[0](q) ** 2).sum()) for q in asked[:6]]
+    assert not found.converged
+    assert found.q == pytest.approx(asked[int(np.argmin(costs))])
