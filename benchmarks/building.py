@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import sys
 import tempfile
 import time
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from fmus import component
 from fmus.kit import build
@@ -24,7 +25,6 @@ NOTHING = "an empty C FMU, compiled only"
 FIRST = "the same, with an empty compiler cache"
 PLANNING = {runtime: f"{runtime}, all but the compiler" for runtime in build.RUNTIMES}
 WHOLE = {runtime: f"{runtime}, all" for runtime in build.RUNTIMES}
-_CACHES = ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
 
 
 def measure(quick: bool = False) -> Topic:
@@ -36,7 +36,11 @@ def measure(quick: bool = False) -> Topic:
         return lambda: build.plan(cls, runtime)
 
     def whole(runtime: str) -> Callable[[], object]:
-        return lambda: build.build(cls, runtime, [host])
+        def action() -> None:
+            with _empty("PPY_CACHE"):
+                build.build(cls, runtime, [host])
+
+        return action
 
     actions: dict[str, Callable[[], object]] = {NOTHING: c_code.empty_library}
     for runtime in build.RUNTIMES:
@@ -104,18 +108,25 @@ def sizes(archives: dict[str, bytes], platforms: list[str]) -> Table:
     return Table(["runtime", *platforms, "all but binaries", "archive"], rows)
 
 
-def _first() -> float:
-    """Seconds for the first library when zig has prepared nothing yet; other compilers prepare nothing."""
-    before = {name: os.environ.get(name) for name in _CACHES}
+@contextlib.contextmanager
+def _empty(*caches: str) -> Iterator[None]:
+    """Folders that these variables name are empty ones meanwhile."""
+    before = {name: os.environ.get(name) for name in caches}
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
-        os.environ.update(dict.fromkeys(_CACHES, folder))
+        os.environ.update(dict.fromkeys(caches, folder))
         try:
-            begin = time.perf_counter()
-            c_code.empty_library()
-            return time.perf_counter() - begin
+            yield
         finally:
             for name, value in before.items():
                 if value is None:
                     os.environ.pop(name)
                 else:
                     os.environ[name] = value
+
+
+def _first() -> float:
+    """Seconds for the first library when zig has prepared nothing yet; other compilers prepare nothing."""
+    with _empty("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+        begin = time.perf_counter()
+        c_code.empty_library()
+        return time.perf_counter() - begin

@@ -38,8 +38,9 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     """Do not judge a test about milliseconds that failed while the machine did not keep real time."""
     outcome = yield
     report = outcome.get_result()
-    judged = report.when != "call" or report.passed or not item.get_closest_marker("real_time")
-    pause = 0.0 if judged else _watch.longest(call.start, call.stop)
+    mark = item.get_closest_marker("real_time")
+    judged = report.when != "call" or report.passed or mark is None
+    pause = 0.0 if judged else _watch.longest(call.start, call.stop, **mark.kwargs)
     if pause:
         report.outcome = "skipped"
         report.longrepr = (*item.location[:2], f"Skipped: not judged, the machine paused for {1e3 * pause:.0f} ms")

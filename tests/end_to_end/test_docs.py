@@ -1,14 +1,17 @@
-"""Code in the documentation runs: console blocks through a shell, python blocks as scripts, in order, in one folder.
+"""Code in the documentation runs: console blocks through a shell, python blocks in one Python, in order, in one folder.
 
 An output block is an excerpt of what the commands before it printed. With ``PPY_WRITE_DOCS`` set, its numbers are
 written anew. Modules, files and options that any page names exist.
 """
 
+import contextlib
+import itertools
 import os
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +26,7 @@ from tests.support.rig.process import Server
 ROOT = source.ROOT
 PAGES = [
     "docs/tutorial.md",
-    "docs/reference/master.md",
+    pytest.param("docs/reference/master.md", marks=pytest.mark.real_time(limit=5e-3)),  # as it says itself
     *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "docs" / "how-to").glob("*.md"))),
 ]
 BLOCK = re.compile(r"^```(console|python|output)\n(.*?)^```", re.M | re.S)
@@ -57,6 +60,47 @@ def run(command: list[str] | str, folder: Path) -> str:
     return done.stdout
 
 
+BLOCKS = """
+import sys
+for name in sys.stdin:
+    with open(name.strip(), encoding="utf-8") as block:
+        exec(compile(block.read(), name.strip(), "exec"))
+    print("\\0", file=sys.stderr, flush=True)
+"""
+
+
+@contextlib.contextmanager
+def python(folder: Path) -> Iterator[Callable[[str], None]]:
+    """Run blocks in one Python, each when it is asked for: a later one goes on from those before it."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", BLOCKS], cwd=folder, text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stdin is not None
+    assert process.stderr is not None
+    count = itertools.count(1)
+
+    def run_block(text: str) -> None:
+        name = f"block_{next(count)}.py"
+        (folder / name).write_text(text, encoding="utf-8")
+        print(name, file=process.stdin, flush=True)
+        told = []
+        for line in process.stderr:
+            if line == "\0\n":
+                return
+            told.append(line)
+        raise AssertionError("".join([text, *told]))
+
+    with process:
+        try:
+            yield run_block
+        except BaseException:
+            process.kill()
+            raise
+        process.stdin.close()
+        assert process.wait(60) == 0
+
+
 def words(line: str) -> list[str]:
     """What a line says, whatever its numbers and its columns."""
     return NUMBER.sub("#", line).split()
@@ -82,13 +126,16 @@ def test_every_block_of_a_page_runs(page: str, tmp_path: Path) -> None:
     blocks = BLOCK.findall(contents)
     assert blocks, f"{page} shows nothing that runs"
     shutil.copytree(ROOT / "examples", tmp_path / "examples")  # beside which a reader works
+    with python(tmp_path) as run_block:
+        run_blocks(page, contents, tmp_path, run_block)
+
+
+def run_blocks(page: str, contents: str, tmp_path: Path, run_block: Callable[[str], None]) -> None:
+    """Run the blocks of a page in a folder."""
     printed = ""
-    script = tmp_path / "page.py"
-    script.write_text("", encoding="utf-8")
-    for language, text in blocks:
-        if language == "python":  # a later block goes on from the earlier ones
-            script.write_text(script.read_text(encoding="utf-8") + text, encoding="utf-8")
-            run([sys.executable, script.name], tmp_path)
+    for language, text in BLOCK.findall(contents):
+        if language == "python":
+            run_block(text)
             continue
         if language == "output":
             pairs = excerpt(text, printed)

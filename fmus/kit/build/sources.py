@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 from fmus.kit.build import toolchain
+from fmus.kit.build.library_cache import library
 from fmus.kit.component import Component
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import Graph
@@ -89,8 +89,12 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str) -> dict[str, bytes
     sources = {path.name: path.read_bytes() for path in own}
     # an engine may have to say what it wants of the system before the first header is read
     sources[UNIT] = unit(*(path.name for path in engine.sources), *_FRONT_END, *engine.generated)
-    sources |= {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
-    return sources | generated
+    return sources | fmi_headers() | generated
+
+
+def fmi_headers() -> dict[str, bytes]:
+    """Headers of FMI 2.0 by name."""
+    return {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
 
 
 def unit(*names: str) -> bytes:
@@ -111,7 +115,7 @@ def unit(*names: str) -> bytes:
 
 
 def compiled(sources: Mapping[str, bytes], libraries: Sequence[str], target: str) -> bytes:
-    """Compile the sources of a build.
+    """Compile the sources of a build, unless the cache has their library.
 
     Parameters
     ----------
@@ -132,7 +136,4 @@ def compiled(sources: Mapping[str, bytes], libraries: Sequence[str], target: str
     UserError
         If there is no compiler for the platform, or it fails.
     """
-    with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-        for name, contents in sources.items():
-            (Path(folder) / name).write_bytes(contents)
-        return toolchain.compile_library([Path(folder) / UNIT], [Path(folder)], target, libraries=libraries)
+    return library(sources, UNIT, target, libraries).read_bytes()

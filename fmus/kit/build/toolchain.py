@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import os
 import platform
@@ -25,7 +26,7 @@ EXTENSIONS = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib"}
 INSTALL_HINT = "pip install 'ppy-rig[native]' brings one (zig), for every platform"
 
 # No contraction of a*b+c: the two builds, and every platform, shall round alike.
-_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s", "-g0")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s", "-g0")
 
 
 def host_platform() -> str:
@@ -82,6 +83,11 @@ class Compiler:
     def label(self) -> str:
         """For people: which compiler this is."""
         return "zig" if self.targets else Path(self.command[0]).name
+
+    @property
+    def version(self) -> str:
+        """What tells its libraries from another's."""
+        return f"zig {importlib.metadata.version('ziglang')}" if self.targets else self.command[0]
 
 
 def find_compiler(target: str) -> Compiler:
@@ -175,7 +181,7 @@ def compile_library(
     for zig_target in compiler.targets or ("",):
         with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
             output = Path(folder) / f"library{EXTENSIONS[target]}"
-            command = [*compiler.command, *(("-target", zig_target) if zig_target else ()), *_FLAGS]
+            command = [*compiler.command, *(("-target", zig_target) if zig_target else ()), *FLAGS]
             command += [f"-I{folder}" for folder in include]
             command += [*map(str, sources), "-o", str(output)]
             command += [f"-l{library}" for library in libraries]

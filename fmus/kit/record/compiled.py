@@ -8,20 +8,17 @@ its own (``fmi2/exponential.c``). Without a C compiler CasADi interprets the law
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from threading import RLock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import files
 from fmus.kit.build import toolchain
-from fmus.kit.build.sources import FOLDER, UNIT, unit
+from fmus.kit.build.library_cache import library
+from fmus.kit.build.sources import FOLDER, UNIT, fmi_headers, unit
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
@@ -213,28 +210,16 @@ class _Library:
 
 def _sources(graph: Graph, states: int) -> dict[str, bytes]:
     """C files of a graph, of whose states the first are those of the component."""
-    sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()}
+    sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()} | fmi_headers()
     sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
-    return sources | {"record.h": f"#define RECORD_STATES {states}\n".encode()}
+    sources["record.h"] = f"#define RECORD_STATES {states}\n".encode()
+    return sources | {UNIT: unit("record.c", "native.c", "model.c", "laws.c")}
 
 
 def _load(sources: dict[str, bytes]) -> Any:
     """Compile, or take from the cache, and bind ``ppy_simulate``."""
     target = toolchain.host_platform()
-    digest = hashlib.sha256(toolchain.find_compiler(target).label.encode())
-    for name in sorted(sources):
-        digest.update(name.encode() + b"\0" + sources[name])
-    path = toolchain.cache_folder() / f"record-{digest.hexdigest()[:32]}{toolchain.EXTENSIONS[target]}"
-    if not path.exists():
-        with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-            for name, contents in sources.items():
-                (Path(folder) / name).write_bytes(contents)
-            whole = Path(folder) / UNIT
-            whole.write_bytes(unit("record.c", "native.c", "model.c", "laws.c"))
-            library = toolchain.compile_library(
-                [whole], [Path(folder), toolchain.fmi_headers()], target, libraries=() if target == "win64" else ("m",)
-            )
-        files.write_once(path, library)
+    path = library(sources, UNIT, target, () if target == "win64" else ("m",))
     function = ctypes.CDLL(str(path)).ppy_simulate
     function.argtypes = [
         ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,

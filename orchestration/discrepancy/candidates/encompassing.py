@@ -17,6 +17,7 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.covariance import covariance
 
 Array = NDArray[np.float64]
+_ROUNDS = 8  # of amounts and the weights that hang on them
 
 
 @dataclass(frozen=True)
@@ -72,16 +73,23 @@ def encompassing(
         columns = [measured - other[output][present] - residual[output] for other in others]
         rows.append(noise.whiten(np.column_stack([jacobian[output], *columns]), present))
         errors.append(noise.whiten(residual[output], present))
-    slopes, innovation = np.vstack(rows), np.concatenate(errors)
-    spread = covariance(slopes.T @ slopes, np.append(fit.prior_precision, np.zeros(len(others))))
-    amounts = -spread.matrix @ (slopes.T @ innovation)
+    slopes, innovation, noises = np.vstack(rows), np.concatenate(errors), list(fit.noise.values())
+    ends = np.cumsum([len(error) for error in errors])[:-1]
+    amounts = np.zeros(slopes.shape[1])
+    for _ in range(_ROUNDS):  # what is far out in heavy tails, and by what is asked for, counts less
+        left = np.split(innovation + slopes @ amounts, ends)
+        weight = np.concatenate([n.weights(e) for n, e in zip(noises, left, strict=True)])[:, np.newaxis]
+        weighted = weight * slopes
+        spread = covariance(weighted.T @ slopes, np.append(fit.prior_precision, np.zeros(len(others))))
+        amounts = -spread.matrix @ (weighted.T @ innovation)
     errors_squared = spread.standard_errors**2
     for disturbance in disturbances:
         pieces = [
             noise.whiten(disturbance[o][problem.present[o]], problem.present[o]) for o, noise in fit.noise.items()
         ]
-        errors_squared = errors_squared + (spread.matrix @ (slopes.T @ np.concatenate(pieces))) ** 2 / len(disturbances)
-    own, n = slopes[:, : len(fit.q)], len(fit.q)
-    shifts = -covariance(own.T @ own, fit.prior_precision).matrix @ (own.T @ slopes[:, n:])
+        moved = spread.matrix @ (weighted.T @ np.concatenate(pieces))
+        errors_squared = errors_squared + moved**2 / len(disturbances)
+    own, n = weighted[:, : len(fit.q)], len(fit.q)
+    shifts = -covariance(own.T @ slopes[:, :n], fit.prior_precision).matrix @ (own.T @ slopes[:, n:])
     found = zip(amounts[n:], np.sqrt(errors_squared[n:]), shifts.T, strict=True)
     return [Amount(float(value), float(error), shift) for value, error, shift in found]

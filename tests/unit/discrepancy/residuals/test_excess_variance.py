@@ -28,4 +28,16 @@ def test_larger_innovations_where_an_input_steps_are_told_by_their_ranks():
     assert usual.p_value > 0.001
     assert excess.ratio == pytest.approx(4.0 * usual.ratio)
     assert excess.p_value < 1e-9
+    assert excess.significant
     assert compared(loud, {}).p_value == 1.0
+
+
+def test_a_few_larger_innovations_are_chance():
+    """Half as large again at a dozen of steps is 1 in 100 in noise of one level, whatever their variances' ratio."""
+    drive = {"drive": np.repeat(np.arange(12), N // 12).astype(float)}
+    where = input_steps(drive, N // 12 * 12)
+    quiet = noise(0.0, 3)[: where.size]
+    excess = compared(quiet * np.where(where, 2.0 / np.std(quiet[where]) * np.std(quiet), 1.0), drive)
+    assert excess.ratio > 3.0
+    assert 1e-6 < excess.p_value < 0.05
+    assert not excess.significant

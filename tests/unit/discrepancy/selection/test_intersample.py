@@ -20,7 +20,7 @@ from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection.intersample import Basis, Intersample, spread
 from orchestration.fmu.model import find_model
 from tests.support.diagnosis import short_record
-from tests.support.intersample_records import TRUE, record
+from tests.support.intersample_records import NOISE, TRUE, record
 
 AT_REST = ("charge_start", "kelvin_elongation_start", "maxwell_elongation_start")
 SMOOTH, STEPS = ("chirp", "multisine", "triangle"), ("square", "prbs", "multilevel")
@@ -131,3 +131,18 @@ def test_what_the_model_lacks_is_not_taken_for_the_input(hidden):
     """Inputs of the rig are held; a lag that the model does not have looks like part of a sample."""
     chosen = diagnose(PpyActuator, short_record(hidden), []).intersample
     assert {choice.linear for choice in chosen.values()} == {False}
+
+
+def test_outliers_do_not_tell_what_an_input_does():
+    """One sample in fifty is dozens of deviations off; what the others ask for is to be heard."""
+    deviations = []
+    for seed in range(4):
+        data = record("triangle", True, seed, force="multilevel")
+        random = np.random.default_rng([seed, 23])
+        hit = random.random(data.time.size) < 0.02
+        off = {o: hit * random.uniform(20.0, 60.0, hit.size) * random.choice([-1.0, 1.0], hit.size) for o in NOISE}
+        measured = {o: y + NOISE[o] * off[o] for o, y in data.measured.items()}
+        diagnosis = judged(replace(data, measured=measured))
+        assert not diagnosis.intersample["current"].linear
+        deviations.append(standardised(diagnosis, "R1"))
+    assert np.abs(deviations).max() < 4.0

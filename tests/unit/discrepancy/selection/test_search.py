@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
 from fmus.kit import Component, Input, Output, Parameter
 from orchestration.discrepancy.data.dataset import Dataset
@@ -46,3 +47,17 @@ def test_the_noise_of_every_fit_is_of_the_distribution_of_the_first():
     renewed = other.renewed(again)
     assert renewed.fit.noise["y"].freedom == np.inf
     assert other.refit(renewed).fit.noise["y"].freedom == np.inf
+
+
+def test_noise_that_makes_a_record_likely_does_not_lead_a_fit_away_from_it():
+    """The slow part of the input acts twice as much as the fast one, of which innovations tell by themselves."""
+    random = np.random.default_rng(3)
+    time, u = 0.1 * np.arange(4000), np.cumsum(random.standard_normal(4000))
+    y = u + uniform_filter1d(u, 201) + 0.01 * random.standard_normal(4000)
+    search = Search(Dataset(time, {"u": u}, {"y": y}, frozenset()), Gain, ["factor"])
+    base = search.nominal()
+    least = float(np.linalg.norm(y - (u @ y) / (u @ u) * u))
+    increments = float(np.diff(u) @ np.diff(y)) / float(np.diff(u) @ np.diff(u))
+    assert np.linalg.norm(y - increments * u) > 1.4 * least
+    assert np.linalg.norm(base.fit.residual["y"]) == pytest.approx(1.25 * least, rel=0.02)
+    assert np.linalg.norm(search.trusted(base).fit.residual["y"]) < 1.02 * least
