@@ -80,6 +80,12 @@ def test_cases_cover_everything_and_repeat():
     assert all(np.array_equal(first.outputs[o], again.outputs[o]) for o in first.outputs)
 
 
+def test_films_that_are_held_at_a_length_stay_taut():
+    """The plant is linear; the model goes slack instead of pushing, as films do."""
+    drawn = [draw(case) for case in cases(800, 7) if case.plant == "ActuatorByLength"]
+    assert min(record.clean["tension"].min() for record in drawn) > 0.0
+
+
 def test_the_naive_judge_finds_a_line():
     """Of a straight line least squares is a closed form."""
     time = np.linspace(0.0, 1.0, 200)

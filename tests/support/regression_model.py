@@ -81,6 +81,21 @@ def divided_record(ratio: float, gap: float, seed: int) -> Dataset:
     return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown})
 
 
+def asymmetric_record(ratio: float, seed: int, varying: bool) -> Dataset:
+    """A record in which the asymmetry is worth a likelihood ratio, in noise that is Gaussian as a whole.
+
+    It is of one size, or of the size of the signal, so that it is largest where the asymmetry acts most.
+    """
+    signal, noise = _drawn(seed)
+    if varying:
+        noise = SPREAD * np.abs(signal) * np.random.default_rng(seed).permutation(np.resize([-1.0, 1.0], COUNT))
+    known = np.column_stack([signal, np.abs(signal)])
+    noise = noise - known @ np.linalg.lstsq(known, noise)[0]
+    strength = np.sqrt(np.mean(noise**2) / np.mean(signal**2) * np.expm1(ratio / COUNT))
+    shown = GAIN * signal + strength * np.abs(signal) + noise
+    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown})
+
+
 def _drawn(seed: int) -> tuple[Array, Array]:
     """An input, and noise that is orthogonal to whatever the model or an effect makes of it."""
     rng = np.random.default_rng(seed)

@@ -8,9 +8,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from fmus.kit import Effect
-from orchestration.discrepancy.candidates.candidate import Candidate, label
+from orchestration.discrepancy.candidates.candidate import Candidate, label, own_parameters
 from orchestration.discrepancy.candidates.outlook import PredictedImprovement
 from orchestration.discrepancy.candidates.score_test import ScoreDirection
+from orchestration.identify.covariance import covariance
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 
@@ -47,6 +48,19 @@ class FittedCandidate:
         """Fall of BIC against another, less what trying many costs: twice the logarithm of their number."""
         extra = len(self.candidate.effects) - len(base.candidate.effects)
         return base.fit.bic - self.fit.bic - 2.0 * extra * float(np.log(max(tried, 1)))
+
+    def robust_fall(self, base: FittedCandidate, tried: int) -> float:
+        """Return the same if noise is not of the level and the colour that a likelihood takes it to be.
+
+        The likelihood ratio is as much too large as the effect's strength scatters more, in variance, than the
+        likelihood says (Kent, Biometrika 69, 1982); that is told by White's covariance.
+        """
+        i = self.problem.names.index(own_parameters(self.effect)[0])
+        assumed = covariance(self.fit.information, self.fit.prior_precision).standard_errors[i]
+        observed = self.fit.covariance.standard_errors[i]
+        known = 0.0 < assumed < observed < np.inf
+        ratio = base.fit.deviance - self.fit.deviance
+        return self.delta_bic(base, tried) - (ratio * (1.0 - (assumed / observed) ** 2) if known else 0.0)
 
     def p_value(self, base: FittedCandidate, tried: int) -> float:
         """Probability of such a likelihood ratio without the effect, times the number of candidates."""

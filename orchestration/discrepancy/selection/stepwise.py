@@ -13,7 +13,8 @@ from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.selection.scoring import confounding, score, screen, unidentifiable
 from orchestration.discrepancy.selection.search import FAILURES, Search
 
-ACCEPT = 10.0  # by which BIC, less the price of looking, must fall for one more effect: very strong evidence
+# By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very strong evidence.
+ACCEPT = 10.0
 ALTERNATIVE = 6.0  # within which another candidate counts as not told apart
 NEGLIGIBLE = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
 SECONDARY = 0.2  # of the evidence for the first effect, below which another is a lesser matter
@@ -129,13 +130,14 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
             below, before = search.nested(below, ranked[0][0]), below
             ranked = [(fitted, gain - (before.fit.bic - below.fit.bic)) for fitted, gain in ranked]
             selection = selection.ending_in(below)
-        if not ranked or not ranked[0][1] > threshold:
+        sure = [(e, g) for e, g in ranked if g > threshold and e.robust_fall(below, len(remaining)) > ACCEPT]
+        if not sure:
             selection.rejected.extend(ranked)
             break
-        chosen, gain = ranked[0]
+        chosen, gain = sure[0]
         effect = chosen.effect
-        others = [row for row in ranked[1:] if not _interchangeable(row[0].effect, effect)]
-        alternatives = [e for e, g in others if g > threshold and gain - g < ALTERNATIVE]
+        others = [row for row in ranked if row[0] is not chosen and not _interchangeable(row[0].effect, effect)]
+        alternatives = [e for e, g in sure if (e, g) in others and gain - g < ALTERNATIVE]
         rejected = [row for row in others if row[0] not in alternatives]
         named = {label(effect) for effect in chosen.candidate.effects}
         remaining = [effect for effect in remaining if label(effect) not in named]

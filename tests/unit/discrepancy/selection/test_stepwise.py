@@ -9,7 +9,16 @@ import pytest
 
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
-from tests.support.regression_model import ASYMMETRY, COUNT, OFFSET, OTHERS, Amplifier, divided_record, offset_record
+from tests.support.regression_model import (
+    ASYMMETRY,
+    COUNT,
+    OFFSET,
+    OTHERS,
+    Amplifier,
+    asymmetric_record,
+    divided_record,
+    offset_record,
+)
 
 VERY_STRONG = 10.0  # fall of BIC (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995)
 PARAMETER = float(np.log(COUNT))  # that BIC asks of each
@@ -50,6 +59,20 @@ def test_what_the_model_itself_can_do_is_no_evidence_for_more(seed):
     selection = select(search, [OFFSET], lesser)
     assert selection.steps == []
     assert selection.base.fit.deviance == pytest.approx(best.fit.deviance, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_that_is_larger_where_an_effect_acts_makes_it_less_sure(seed):
+    """A third: the fourth moment of a Gaussian signal, which the noise is as large as, is three."""
+    enough = VERY_STRONG + PARAMETER + MARGIN
+    assert named_asymmetry(enough, seed, varying=False) == ["asymmetric_friction"]
+    assert named_asymmetry(3.0 * (enough - 2.0 * MARGIN), seed, varying=True) == []
+    assert named_asymmetry(3.0 * enough, seed, varying=True) == ["asymmetric_friction"]
+
+
+def named_asymmetry(ratio, seed, varying):
+    search = Search(asymmetric_record(ratio, seed, varying), Amplifier, ["gain"])
+    return [step.chosen.effect_name for step in select(search, [ASYMMETRY]).steps]
 
 
 STRONG = 6.0  # difference of BIC (Kass and Raftery)
