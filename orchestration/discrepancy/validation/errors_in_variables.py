@@ -33,6 +33,7 @@ from orchestration.identify.covariance import covariance
 Array = NDArray[np.float64]
 _BEYOND = 2.0  # times the most evidence that noise makes by itself in any replica, which an effect must come to
 _PASSES = 4  # of smoothing, after which next to nothing is left of noise from sample to sample
+_OWN = 0.1  # of the power of a residual, which is noise of the output itself at least
 _TOLD = 0.002  # of the range, from which on noise of an input is told whatever it does
 _MATTERS = 0.5  # standard errors of a bias, from which on it is
 
@@ -182,17 +183,23 @@ def _evidence(analysis: ResidualAnalysis) -> dict[type, float]:
 
 
 def _replica(search: Search, base: FittedCandidate, noise: Mapping[str, float], seed: int) -> Search:
-    """Search over a record in which nothing is wrong but noise on inputs and outputs."""
+    """Search over a record in which nothing is wrong but noise on inputs and outputs, together as large as there."""
     calm = {n: smoothed(search.data.inputs[n], s, _PASSES) for n, s in noise.items()}
     data = replace(search.data, inputs={**search.data.inputs, **calm})
-    random, truth = np.random.default_rng([seed, 25]), simulated(search, base, data)
+    noisy = noisier(data, noise, seed)
+    random, truth, told = (
+        np.random.default_rng([seed, 25]),
+        simulated(search, base, data),
+        simulated(search, base, noisy),
+    )
     measured = {}
     for output, model in base.fit.noise.items():
-        white = model.deviation * random.standard_normal(len(search.data.time))
+        by_inputs = np.var(told[output] - truth[output]) / np.var(base.fit.residual[output])
+        own = np.sqrt(max(_OWN, 1.0 - float(by_inputs)))
+        white = own * model.deviation * random.standard_normal(len(search.data.time))
         values = truth[output] + lfilter([1.0], [1.0, *-model.coefficients], white)
         measured[output] = np.where(base.problem.present[output], values, np.nan)
-    noisy = replace(noisier(data, noise, seed), measured=measured)
-    return replace(search, data=noisy, not_assessed={}, progress=lambda text: None)
+    return replace(search, data=replace(noisy, measured=measured), not_assessed={}, progress=lambda text: None)
 
 
 def _gain(replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int) -> float:

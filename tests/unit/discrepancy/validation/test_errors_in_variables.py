@@ -77,6 +77,23 @@ def test_the_bias_is_that_of_attenuation():
     assert float(found.bias[0]) == pytest.approx(-attenuation, rel=0.3)  # of a coordinate that is a logarithm
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_of_the_input_that_is_most_of_what_is_left_is_held_against_a_claim_in_full(seed):
+    """A lag takes off noise that the plant never saw, and gains little where there is other noise beside it."""
+    time, random = 0.1 * np.arange(4000), np.random.default_rng(seed)
+    u = stimulus("triangle", time, 1, 10.0)
+    measured = {"y": 2.0 * u + 0.02 * random.standard_normal(len(u))}
+    data = Dataset(time, {"u": u + 0.02 * random.standard_normal(len(u))}, measured, frozenset())
+    search = Search(data, Gain, ["factor"])
+    base = search.nominal()
+    claimed = select(search, [sensor_lag(Gain, "y")], base)
+    assert [step.chosen.effect_name for step in claimed.steps] == ["sensor_lag(y)"]
+    kept, notes = defensible(claimed, search, assess(search, base))
+    assert kept.steps == []
+    assert [note.code for note in notes] == [NoteCode.INPUT_NOISE_DOES_THE_SAME]
+    assert 0.5 < notes[0].facts["gain"] / claimed.steps[0].gain < 2.0
+
+
 @pytest.mark.parametrize("kind", ["triangle", "square", "multilevel"])
 def test_noise_on_an_input_is_told_and_no_cause(kind):
     """A lag keeps noise of the current from the voltage, and a drift follows its integral: neither is there."""
