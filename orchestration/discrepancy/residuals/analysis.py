@@ -133,18 +133,18 @@ def analyse(
     present = np.isfinite(measured)
     simulated = np.zeros(measured.size)
     simulated[present] = measured[present] - residual
-    plain = innovations_of(residual, present, noise, simulated)
+    resolution = resolution_of(measured)
+    plain = innovations_of(residual, present, noise, simulated, resolution)
     levelled = residual / local_level(residual, simulated[present])  # colour first and level then, or the other way
     other = innovations_of(levelled, present, estimate(levelled, present, ORDER if even else 0), simulated)
     inputs = {name: values[present] for name, values in data.inputs.items()}
-    far = outlying(residual, inputs) if even else np.zeros(residual.size, dtype=bool)
+    far = outlying(residual, inputs, resolution) if even else np.zeros(residual.size, dtype=bool)
     if far.any():  # the colour of noise that outliers hide
         residual = without(residual, far)
         noise = estimate(residual, present)
-        innovations = innovations_of(residual, present, noise, simulated)
+        innovations = innovations_of(residual, present, noise, simulated, resolution)
     else:
         innovations = plain
-    resolution = resolution_of(measured)
     rounding = systematic_error(resolution, noise.deviation)
     step = float(np.median(np.diff(data.time)))
     lines: list[SpectralLine] = []

@@ -24,6 +24,7 @@ _BINS = 8  # of the signal that the level may depend on
 _PASSES = 2
 _BOUND = 4.0  # levels beyond which a single innovation says no more
 _FAR = 6.0  # levels beyond which a sample is an outlier: one of half a billion in Gaussian noise
+_ROUNDING = 1.0 / np.sqrt(12.0)  # standard deviation of the error of rounding, in steps
 _LEAST = 1e-3  # of the mean level, below which none is taken to be: where nothing moves a converter shows no noise
 
 
@@ -86,7 +87,9 @@ class Innovations:
         return result
 
 
-def innovations_of(residual: Array, present: NDArray[np.bool_], noise: Noise, size: Array | None = None) -> Innovations:
+def innovations_of(
+    residual: Array, present: NDArray[np.bool_], noise: Noise, size: Array | None = None, step: float = 0.0
+) -> Innovations:
     """Whiten a residual and score it.
 
     Parameters
@@ -98,6 +101,8 @@ def innovations_of(residual: Array, present: NDArray[np.bool_], noise: Noise, si
         Of the residual.
     size : ndarray, shape (n,), optional
         Signal on whose value the level may depend: the output as it is simulated.
+    step : float
+        Of the converter. Where its noise is not seen because nothing moves, it is there all the same.
 
     Returns
     -------
@@ -105,6 +110,9 @@ def innovations_of(residual: Array, present: NDArray[np.bool_], noise: Noise, si
     """
     raw, at = noise.whiten(residual, present), np.flatnonzero(present)
     level = local_level(raw, None if size is None else size[at])
+    if step > 0.0:
+        whitened = np.hypot(1.0, np.linalg.norm(noise.coefficients)) / noise.deviation
+        level = np.maximum(level, _ROUNDING * step * whitened)
     return Innovations(at, raw, level, normal_scores(raw / level))
 
 

@@ -18,7 +18,7 @@ _OFTEN = 0.15  # of the steps of inputs, above which what is seen just after the
 _ALONE = 1.3  # times as far as either of them does: a step leaves two samples behind alike, an outlier is twice as far
 
 
-def outlying(residual: Array, inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
+def outlying(residual: Array, inputs: Mapping[str, Array], step: float = 0.0) -> NDArray[np.bool_]:
     """Find samples far from the middle between their neighbours.
 
     Far is by the robust deviation there (Hampel's identifier). An outlier of a sensor is one sample long, and an
@@ -29,6 +29,8 @@ def outlying(residual: Array, inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
     residual : ndarray, shape (n,)
     inputs : Mapping of str to ndarray, shape (n,)
         At the same samples.
+    step : float
+        Of the converter, whose rounding alone moves a sample by as much from the middle between its neighbours.
 
     Returns
     -------
@@ -41,7 +43,7 @@ def outlying(residual: Array, inputs: Mapping[str, Array]) -> NDArray[np.bool_]:
     if not spread > 0.0:
         return np.zeros(residual.size, dtype=bool)
     beside = np.maximum(np.roll(aside, 1), np.roll(aside, -1))
-    far = (aside > _FAR * spread * level) & (aside > _ALONE * beside)
+    far = (aside > _FAR * spread * level + step) & (aside > _ALONE * beside)
     steps = input_steps(inputs, residual.size)
     moved = np.convolve(steps, np.ones(SETTLING_SAMPLES), "full")[: residual.size] > 0.0
     # what happens again and again just after an input steps may be the model's doing
