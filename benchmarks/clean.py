@@ -29,6 +29,14 @@ from tests.support.clean.records import KINDS, Case, CleanRecord, cases, draw
 from tests.support.clean.stimuli import SMOOTH
 
 ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "clean-records.md"
+_HEAD = """# What is said of records in which nothing is hidden
+
+Drawn by `python -m benchmarks.clean --records {records} --seed {seed}`; `make clean-study` draws others. The generators
+share no code with the models, and whatever is named is false
+([decision 20](decisions/0020-an-independent-yardstick.md)).
+
+"""
 Row = dict[str, Any]
 EFFECTIVE = 50.0  # samples a parameter, from which on fitted errors are held against least squares where fitted
 WORSE = 1.02  # of the best of the others, what a refit may leave
@@ -291,7 +299,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
     parser.add_argument("--without", nargs="*", default=[], help="words that a case must not contain")
     parser.add_argument("--kept", type=Path, help="JSON lines, one a record; default build/clean/SEED.jsonl")
-    parser.add_argument("--out", type=Path, help="Markdown to write as well")
+    parser.add_argument("--out", type=Path, help="page; default docs/clean-records.md unless some are left out")
     chosen = parser.parse_args(arguments)
     wanted = [
         case for case in cases(chosen.records, chosen.seed)
@@ -300,8 +308,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     kept = chosen.kept or ROOT / "build" / "clean" / f"{chosen.seed}.jsonl"
     text = str(report(run(wanted, kept, chosen.every, lambda line: print(line, flush=True))))
     print("\n" + text)
-    if chosen.out:
-        chosen.out.write_text(text + "\n", encoding="utf-8")
+    page = chosen.out or (None if chosen.only or chosen.without else PAGE)
+    if page is not None:
+        head = _HEAD.format(records=chosen.records, seed=chosen.seed)
+        page.write_text(head + text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
