@@ -277,7 +277,8 @@ def diagnose(
         Other records to judge by, or some of those given by their labels, such as ``"7,8,9"``. Without it the last
         third of the record is held out, or the last third of several records.
     compare : Record, str or Path, optional
-        A later record of the same specimen: `DiagnosisResult.changes` then tells what changed.
+        A later record of the same specimen: `DiagnosisResult.changes` then tells which parameters changed, and which
+        effects came or went.
     runs : str, optional
         Column of a file that tells its records apart, and labels them.
     each : sequence of str
@@ -291,10 +292,11 @@ def diagnose(
     mapping : Mapping of str to str, optional
         Column of a file to signal of the model, for records that are given as files.
     interpolate : bool, optional
-        Whether inputs go linearly between samples, or are held; unless given, the record tells.
+        Whether inputs go smoothly between samples, or are held; unless given, the record tells.
     time : float, optional
         Seconds that the search may take, then the best answer so far is returned, with a note; a minute for up to
         60,000 samples and in proportion beyond, unless given. With ``inf`` nothing hangs on how fast the machine is.
+        With `compare` it holds for each of three searches.
     progress : callable
         Told what is being done.
 

@@ -94,7 +94,7 @@ def run(
     hold : sequence of str
         Parameters that are not fitted.
     interpolate : bool, optional
-        Whether inputs go linearly between samples, or are held; unless given, the record tells.
+        Whether inputs go smoothly between samples, or are held; unless given, the record tells.
     effects : sequence of str
         Laid over the model before it is judged.
     time : float, optional

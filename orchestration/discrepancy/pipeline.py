@@ -43,7 +43,7 @@ class Options:
     each : sequence of str
         Parameters that differ from record to record.
     interpolate : bool, optional
-        Whether inputs go linearly between samples, or are held; None leaves it to the record.
+        Whether inputs go smoothly between samples, or are held; None leaves it to the record.
     limits : Mapping of str to tuple of float, optional
         Of the rig by input, SI, within which an experiment is designed.
     highest_frequency : float

@@ -65,7 +65,7 @@ class ModelOverRuns:
     names : sequence of str
         Parameters with respect to which derivatives are wanted, those of single runs among them.
     linear : bool or collection of str
-        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
+        Inputs that are smooth (`smooth_inputs`), all or those named; others are held until the next sample.
     runs : sequence of Run
         What the names are of. A stimulus without runs is simulated as the first of them.
 
@@ -152,7 +152,7 @@ class Problem:
     fixed : Mapping[str, float]
         Values of others, and starting points of those to search.
     linear : bool or collection of str
-        Inputs that go linearly from sample to sample, all or those named; others are held until the next.
+        Inputs that are smooth (`smooth_inputs`), all or those named; others are held until the next sample.
     order : int
         Highest order of the autoregression that the noise of an output may be; 0 for white noise.
     runs : sequence of Run

@@ -129,5 +129,6 @@ def fit_simulation_error(
             continue
         if cost(tried.q) < cost(best.q):
             best = tried
-    clearly = problem.samples * np.log(cost(first.q) / cost(best.q)) > _CLEARLY if best is not first else False
+    # not by a ratio, for a record without noise may be met exactly
+    clearly = cost(first.q) > cost(best.q) * np.exp(_CLEARLY / problem.samples)
     return best if clearly else first

@@ -45,7 +45,7 @@ Interpolate = Annotated[
     bool | None,
     typer.Option(
         "--interpolate/--no-interpolate",
-        help="Inputs go linearly between samples, or are held; default what the record tells.",
+        help="Inputs go smoothly between samples, or are held; default what the record tells.",
     ),
 ]
 Hold = Annotated[
@@ -80,7 +80,7 @@ Time = Annotated[
     float | None,
     option(
         "--time", metavar="TIME",
-        help="For the search, e.g. 60s, 5min or inf; then the best answer so far. Default 60 s for 60,000 samples or "
+        help="For each search, e.g. 60s, 5min or inf; then the best answer so far. Default 60 s for 60,000 samples or "
         "less, and in proportion beyond.",
         parser=seconds,
     ),

@@ -26,7 +26,7 @@ class Dataset:
     inputs, measured : Mapping of str to ndarray, shape (n,)
         NaN in an output is a gap.
     linear : bool or collection of str, optional
-        Inputs that go linearly from sample to sample, all or those named; others are held until the next. None leaves
+        Inputs that are smooth (`smooth_inputs`), all or those named; others are held until the next sample. None leaves
         it to the diagnosis.
     several : tuple of Run
         Where it is made of several records, one after the other with a gap between them; empty for one record.

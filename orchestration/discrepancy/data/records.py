@@ -21,7 +21,7 @@ def dataset(record: Record, model: Model, given: Mapping[str, float], interpolat
     given : Mapping of str to float
         Of inputs, SI.
     interpolate : bool, optional
-        Whether inputs go linearly between samples, or are held; None leaves it to the record.
+        Whether inputs go smoothly between samples, or are held; None leaves it to the record.
     """
     own = {n: value for n, value in given.items() if n in model.inputs}
     constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | own

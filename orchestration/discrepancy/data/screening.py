@@ -46,7 +46,7 @@ class DividedData:
     notes: list[Note]
 
     def taken(self, how: Callable[[Dataset], Dataset]) -> DividedData:
-        """The same with other inputs going linearly between samples, or by another clock."""
+        """The same with all parts as a function of them makes them: with other smooth inputs, or by another clock."""
         usable, estimation, judged = map(how, (self.usable, self.estimation, self.validation.data))
         return replace(self, usable=usable, estimation=estimation, validation=replace(self.validation, data=judged))
 

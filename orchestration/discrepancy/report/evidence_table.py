@@ -42,7 +42,8 @@ def _tried(diagnosis: Diagnosis) -> list[_Tried]:
     others = []
     for name in trials.keys() - listed:
         candidate, gain, under = trials[name][-1]
-        why = wording.why_not([g for _, g, _ in trials[name]], " and ".join(named))
+        unsure = name in diagnosis.selection.unsure
+        why = wording.why_not([g for _, g, _ in trials[name]], " and ".join(named), unsure)
         others.append(_Tried(candidate, gain, candidate.p_value(under, tried), "rejected", why))
     return rows + sorted(others, key=lambda row: (-row.gain, row.candidate.candidate.name))
 

@@ -241,7 +241,7 @@ def correlation(item: CrossCorrelation) -> str:
     return f"{what}: {item.strength:+.2f} {when} (99 % band ±{item.band:.2f})"
 
 
-def why_not(gains: list[float], named: str) -> str:
+def why_not(gains: list[float], named: str, unsure: bool = False) -> str:
     """Why an effect was not named.
 
     Parameters
@@ -250,9 +250,13 @@ def why_not(gains: list[float], named: str) -> str:
         Fall of BIC that it brought, in the first step and in every later one.
     named : str
         What was named before the last step.
+    unsure : bool
+        Whether noise of a varying level could make as much.
     """
     if len(gains) > 1 and gains[0] > ACCEPT >= gains[-1]:
         return f"alone it lowers BIC by {gains[0]:.1f}; beside {named} it is not needed"
+    if gains[-1] > ACCEPT and unsure:
+        return "too unsure: noise of a varying level can do as much"
     if gains[-1] > ACCEPT:
         return "another explains the record much better"
     if gains[-1] > 0.0:
@@ -277,9 +281,12 @@ def experiment(design: DiscriminatingExperiment) -> str:
 def comparison(found: Sequence[Change]) -> str:
     """What changed from one record to another, in one sentence."""
     claimed = [change for change in found if change.changed]
-    if not claimed:
-        return "Nothing changed beyond noise."
-    return f"What changed: {'; '.join(map(_changed, claimed))}."
+    unsure = ", ".join(f"{c.effect} ({c.name})" if c.effect else c.name for c in found if c.uncertain)
+    if claimed:
+        told = f"What changed: {'; '.join(map(_changed, claimed))}."
+    else:
+        told = "Nothing surely changed." if unsure else "Nothing changed beyond noise."
+    return f"{told} Uncertain: {unsure}." if unsure else told
 
 
 def _changed(change: Change) -> str:

@@ -1,4 +1,4 @@
-"""Whether each input is held or goes linearly between samples: its own course tells, and the fits may overrule it."""
+"""Whether each input is held or goes smoothly between samples: its own course tells, and the fits may overrule it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def given(data: Dataset) -> dict[str, Intersample]:
 
 
 def linear(chosen: dict[str, Intersample]) -> frozenset[str]:
-    """Inputs that go linearly."""
+    """Inputs that go smoothly."""
     return frozenset(name for name, choice in chosen.items() if choice.linear)
 
 

@@ -72,12 +72,16 @@ class Selection:
         Candidates of the last step, which named nothing more, with their gain.
     tried : int
         Effects in the catalogue.
+    unsure : set of str
+        Labels of effects whose evidence would do, were noise of the level and the colour that a likelihood takes it to
+        be.
     """
 
     base: FittedCandidate
     steps: list[Step] = field(default_factory=list)
     rejected: list[tuple[FittedCandidate, float]] = field(default_factory=list)
     tried: int = 0
+    unsure: set[str] = field(default_factory=set)
 
     @property
     def strong(self) -> list[Step]:
@@ -130,7 +134,9 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
             below, before = search.nested(below, ranked[0][0]), below
             ranked = [(fitted, gain - (before.fit.bic - below.fit.bic)) for fitted, gain in ranked]
             selection = selection.ending_in(below)
-        sure = [(e, g) for e, g in ranked if g > threshold and e.robust_fall(below, len(remaining)) > ACCEPT]
+        beyond = [(e, g) for e, g in ranked if g > threshold]
+        sure = [(e, g) for e, g in beyond if e.robust_fall(below, len(remaining)) > ACCEPT]
+        selection.unsure.update({e.effect_name for e, _ in beyond} - {e.effect_name for e, _ in sure})
         if not sure:
             selection.rejected.extend(ranked)
             break

@@ -122,23 +122,21 @@ def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple
     """
     if not noise.deviation or not selection.steps:
         return selection, []
-    below = selection.base
+    below, inputs = selection.base, tuple(noise.deviation)
     for k, step in enumerate(selection.steps):
-        by_noise = 0.0
+        kept, names = replace(selection, steps=selection.steps[:k]), [s.chosen.effect_name for s in selection.steps[k:]]
         for seed in range(REPLICAS):
-            replica = _replica(search, below, noise.deviation, seed)
-            by_noise = max(by_noise, _gain(replica, below, step.chosen, selection.tried))
-            if step.gain < _BEYOND * by_noise or search.budget.spent():
-                break
-        names = [s.chosen.effect_name for s in selection.steps[k:]]
-        if search.budget.spent():  # what could not be held against noise is not claimed
-            search.budget.leave(names)
-        elif not step.gain < _BEYOND * by_noise:
-            below = step.chosen
-            continue
-        facts = {"inputs": tuple(noise.deviation), "gain": by_noise}
-        note = Note(NoteCode.INPUT_NOISE_DOES_THE_SAME, ", ".join(names), facts)
-        return replace(selection, steps=selection.steps[:k]), [note]
+            by_noise = _gain(_replica(search, below, noise.deviation, seed), below, step.chosen, selection.tried)
+            if search.budget.spent():  # what could not be held against noise is not claimed
+                search.budget.leave(names)
+                return kept, []
+            if by_noise is None:
+                reason = f"the model could not be simulated with other noise on {', '.join(inputs)}"
+                return kept, [Note(NoteCode.NOT_SIMULATED, ", ".join(names), {"reason": reason})]
+            if step.gain < _BEYOND * by_noise:
+                facts = {"inputs": inputs, "gain": by_noise}
+                return kept, [Note(NoteCode.INPUT_NOISE_DOES_THE_SAME, ", ".join(names), facts)]
+        below = step.chosen
     return selection, []
 
 
@@ -202,15 +200,15 @@ def _replica(search: Search, base: FittedCandidate, noise: Mapping[str, float], 
     return replace(search, data=replace(noisy, measured=measured), not_assessed={}, progress=lambda text: None)
 
 
-def _gain(replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int) -> float:
+def _gain(replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int) -> float | None:
     """Evidence for an effect in a record that does not have it, looked for where the record at hand has it.
 
-    Without limit where the model cannot be simulated with other noise: such a claim cannot be defended.
+    None where the model cannot be simulated with other noise: such a claim cannot be defended.
     """
     try:
         return replica.refit(claimed).delta_bic(replica.refit(below), tried)
     except FAILURES:
-        return float(np.inf)
+        return None
 
 
 def remarks(noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array]) -> list[Note]:

@@ -18,6 +18,7 @@ from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import diagnosis as diagnosing
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.budget import Budget
+from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.quality import assess
@@ -414,3 +415,26 @@ def test_every_code_and_every_verdict_has_its_words():
 )  # fmt: skip
 def test_why_an_effect_is_not_named(gains, why):
     assert wording.why_not(gains, "a") == why
+
+
+def test_evidence_that_varying_noise_takes_away_is_no_matter_of_another_effect():
+    assert wording.why_not([50.0], "", unsure=True) == "too unsure: noise of a varying level can do as much"
+    assert wording.why_not([50.0, 3.0], "a", unsure=True) == "alone it lowers BIC by 50.0; beside a it is not needed"
+
+
+def change(name, changed=False, uncertain=False):
+    declared = {p.name: p for p in PpyActuator.layout.parameters}[name]
+    return Change(name, 1.0, 1.5, (0.9, 1.1), (1.4, 1.6), changed, uncertain, 0.5, declared)
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        ([change("R1")], "Nothing changed beyond noise."),
+        ([change("R1", uncertain=True)], "Nothing surely changed. Uncertain: R1."),
+        ([change("R1", changed=True), change("C")], "What changed: R1, times 1.5."),
+        ([change("R1", changed=True), change("C", uncertain=True)], "What changed: R1, times 1.5. Uncertain: C."),
+    ],
+)  # fmt: skip
+def test_what_is_uncertain_is_not_said_to_be_unchanged(found, told):
+    assert wording.comparison(found) == told

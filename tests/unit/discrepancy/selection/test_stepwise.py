@@ -66,7 +66,9 @@ def test_noise_that_is_larger_where_an_effect_acts_makes_it_less_sure(seed):
     """A third: the fourth moment of a Gaussian signal, which the noise is as large as, is three."""
     enough = VERY_STRONG + PARAMETER + MARGIN
     assert named_asymmetry(enough, seed, varying=False) == ["asymmetric_friction"]
-    assert named_asymmetry(3.0 * (enough - 2.0 * MARGIN), seed, varying=True) == []
+    search = Search(asymmetric_record(3.0 * (enough - 2.0 * MARGIN), seed, True), Amplifier, ["gain"])
+    selection = select(search, [ASYMMETRY])
+    assert (selection.steps, selection.unsure) == ([], {"asymmetric_friction"})
     assert named_asymmetry(3.0 * enough, seed, varying=True) == ["asymmetric_friction"]
 
 

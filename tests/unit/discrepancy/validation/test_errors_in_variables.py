@@ -156,4 +156,7 @@ def test_what_could_not_be_held_against_noise_is_not_claimed(monkeypatch, hindra
         monkeypatch.setattr(Search, "refit", fails)
     kept, notes = defensible(selection, search, noise)
     assert kept.steps == []
-    assert [note.code for note in notes] == [NoteCode.INPUT_NOISE_DOES_THE_SAME]
+    told = [(note.code, note.subject) for note in notes]
+    left = [note.facts["untried"] for note in search.budget.notes]
+    failed = [(NoteCode.NOT_SIMULATED, "strain_saturation")]
+    assert (told, left) == (([], [("strain_saturation",)]) if hindrance == "time" else (failed, []))
