@@ -323,5 +323,8 @@ def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
 
 
 def _scale(declaration: Any, value: float) -> Scale:
+    """How to search a parameter: its own size is what changes of it are relative to, unless it is none."""
     positive = declaration.min >= 0.0 and value > 0.0
-    return Scale(positive, max(abs(value), declaration.nominal))
+    # where a state starts is no size of it, which may be anything at another time
+    size = max(abs(value), declaration.nominal) if declaration.starts else abs(value) or declaration.nominal
+    return Scale(positive, size)

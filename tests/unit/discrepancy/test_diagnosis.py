@@ -37,12 +37,14 @@ def test_a_clean_record_has_no_cause(colour):
     assert diagnosis.verdict == "recalibrate"  # the rig is off nominal by up to 15 %
 
 
-def test_a_changed_parameter_is_recalibrated():
-    diagnosis = diagnose(PpyActuator, short_record(changed={"R1": 1.4}, spread=0.0), FEW)
+@pytest.mark.parametrize(("name", "nominal"), [("R1", 0.43), ("alpha", 6.8e-5)])
+def test_a_changed_parameter_is_recalibrated(name, nominal):
+    """Also one that may be negative, whose size is far from one."""
+    diagnosis = diagnose(PpyActuator, short_record(changed={name: 1.4}, spread=0.0), FEW)
     assert diagnosis.verdict == "recalibrate"
-    assert diagnosis.changed[0] == "R1"
-    low, high = diagnosis.estimates["R1"].interval
-    assert low < 1.4 * 0.43 < high
+    assert diagnosis.changed[0] == name
+    low, high = diagnosis.estimates[name].interval
+    assert low < 1.4 * nominal < high
 
 
 def test_a_hum_is_not_explained():
