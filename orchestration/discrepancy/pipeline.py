@@ -231,6 +231,8 @@ def compare(
     common, single = ([n for n in dict.fromkeys(parameters) if (n in own) is which] for which in (False, True))
     enough = _budget(chosen, data)
     found = changes(candidate, data, common, single, values, progress, enough)
+    if enough.notes or later.inconclusive or result.diagnosis.inconclusive:  # what could not be asked is not denied
+        found = [replace(one, uncertain=not one.changed) for one in found]
     return found, [*budget.notes, *enough.notes]
 
 

@@ -68,6 +68,21 @@ def test_where_nothing_changed_nothing_is_claimed(tmp_path, seed):
     assert "What changed:" not in str(said)
 
 
+@pytest.mark.parametrize("hindrance", ["time", "rest"])
+def test_what_could_not_be_asked_is_not_denied(tmp_path, hindrance):
+    before, after = pair(tmp_path, 2, None, changed={"R1": 1.3})
+    if hindrance == "rest":
+        columns, *rows = after.read_text(encoding="utf-8").splitlines()
+        names = [name.split(" ")[0] for name in columns.split(",")]
+        still = {"current": "0.0", "force": "1.0"}
+        cells = [dict(zip(names, row.split(","), strict=True)) | still for row in rows]
+        after.write_text("\n".join([columns, *(",".join(cell.values()) for cell in cells)]), encoding="utf-8")
+    said = ppy.diagnose(before, compare=after, effects=[], time=0.01 if hindrance == "time" else None)
+    assert not [change.name for change in said.changes if change.changed]
+    assert "R1" in {change.name for change in said.changes if change.uncertain}
+    assert "Nothing changed beyond noise." not in str(said)
+
+
 def test_an_effect_and_a_parameter_are_told_side_by_side(tmp_path):
     before, after = pair(tmp_path, 21, "strain_saturation", changed={"R1": 1.3})
     said = ppy.diagnose(before, compare=after, effects=EFFECTS.split(","))
