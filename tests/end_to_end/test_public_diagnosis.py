@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize, nnls
 from scipy.signal import butter, filtfilt
 
@@ -126,11 +127,12 @@ STEPS = 4  # of the integrator here, for each sample
 
 
 def duffing(values, time, force):
-    """Position under a force that goes linearly from sample to sample, from rest, by Runge and Kutta."""
+    """Position under a force that is a cubic spline of its samples, from rest, by Runge and Kutta."""
     m, d, k = (values[n] for n in ("mass", "damping", "stiffness"))
     k3, f0 = values["spring_force_cubic"], values["spring_force_offset"]
     h = float(np.median(np.diff(time))) / STEPS
-    fine = np.interp(np.arange(2 * STEPS * (time.size - 1) + 1), 2 * STEPS * np.arange(time.size), force).tolist()
+    course = CubicSpline(2 * STEPS * np.arange(time.size), force)
+    fine = course(np.arange(2 * STEPS * (time.size - 1) + 1)).tolist()
     x = v = 0.0
     shown = np.zeros(time.size)
 
