@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 from tests.contract.raw import ERROR, Instance, Library, allocated, fast_stepper, instance, resident, unzipped
 from tests.contract.subjects import Subject
@@ -15,10 +16,10 @@ def left_allocated(use: Callable[[int], object], cycles: int) -> int:
     """Bytes that cycles of a use leave allocated; what settles only once, now or then, is no leak."""
     use(WARM_UP)
     counts = [allocated()]
-    for _ in range(2):
+    for _ in range(3):
         use(cycles)
         counts.append(allocated())
-    return min(counts[1] - counts[0], counts[2] - counts[1])
+    return min(after - before for before, after in pairwise(counts))
 
 
 def grow_by_creating(fmu: str, cycles: int) -> int:
