@@ -90,11 +90,11 @@ def sandwich(bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise
     return replace(bread, matrix=halves.T @ halves)
 
 
-def heteroscedastic(bread: Covariance, jacobian: Array, score: Array) -> Covariance:
-    """Widen a covariance where the level of the noise varies with what the derivatives do.
+def excess_variance(bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0) -> Array:
+    """How much more parameters scatter than a covariance says where the level of the noise varies with what they do.
 
-    White's estimate is taken where it is larger, for few samples tell little of their spread, with every residual as it
-    would be had its sample not been fitted (HC3 of MacKinnon and White, J. Econometrics 29, 1985).
+    White's estimate, with every residual as it would be had its sample not been fitted (HC3 of MacKinnon and White,
+    J. Econometrics 29, 1985). Few samples tell little of their spread, so that it is never taken to be less.
 
     Parameters
     ----------
@@ -104,12 +104,24 @@ def heteroscedastic(bread: Covariance, jacobian: Array, score: Array) -> Covaria
         Of every innovation.
     score : ndarray, shape (m,)
         Every innovation times its weight.
+    curvature : float or ndarray, shape (m,)
+        Of what is minimised, by every innovation; with it a sample pulls the fit to itself.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Ratio of variances, at least 1.
     """
     along = jacobian @ bread.matrix
-    leverage = np.clip((along * jacobian).sum(axis=1), 0.0, _LEVERAGE)
+    leverage = np.clip(curvature * (along * jacobian).sum(axis=1), 0.0, _LEVERAGE)
     robust = ((along * (score / (1.0 - leverage))[:, np.newaxis]) ** 2).sum(axis=0)
     plain = np.diag(bread.matrix)
-    wider = np.sqrt(np.maximum(np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0), 1.0))
+    return np.asarray(np.maximum(np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0), 1.0))
+
+
+def heteroscedastic(bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0) -> Covariance:
+    """Widen a covariance by :func:`excess_variance`, which see."""
+    wider = np.sqrt(excess_variance(bread, jacobian, score, curvature))
     return replace(bread, matrix=bread.matrix * np.outer(wider, wider))
 
 

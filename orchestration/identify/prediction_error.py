@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify import tails
-from orchestration.identify.covariance import Covariance, covariance, heteroscedastic, sandwich
+from orchestration.identify.covariance import Covariance, covariance, excess_variance, heteroscedastic, sandwich
 from orchestration.identify.least_squares import Minimum, minimise, residual_or_none
 from orchestration.identify.noise import Noise, white
 from orchestration.identify.problem import Problem
@@ -85,6 +85,9 @@ class FitResult:
     covariance : Covariance
         Of the searched coordinates. The prior counts, so that parameters of which the record determines a combination
         only, such as a ratio, are as uncertain as they are.
+    excess_variance : ndarray, shape (p,)
+        How much more every coordinate scatters than the likelihood says, in variance, at least 1: noise of a level that
+        varies with what the coordinate does.
     """
 
     q: Array
@@ -100,6 +103,7 @@ class FitResult:
     samples: int
     converged: bool
     covariance: Covariance
+    excess_variance: Array
 
     @property
     def bic(self) -> float:
@@ -312,13 +316,16 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
     jacobian = {o: n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()}
     deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
-    information = sum(n.information * jacobian[o].T @ jacobian[o] for o, n in noise.items())
-    score = np.concatenate([weights[o] * innovation[o] for o in noise])
-    bent = np.asarray(
-        sum((jacobian[o].T * tails.curvature(innovation[o], n.freedom)) @ jacobian[o] for o, n in noise.items())
-    )
+    stacked, score = np.vstack(list(jacobian.values())), np.concatenate([weights[o] * innovation[o] for o in noise])
+    # of the loss, by every innovation, as expected and as it is
+    expected = np.concatenate([np.full_like(innovation[o], n.information) for o, n in noise.items()])
+    observed = np.concatenate([tails.curvature(innovation[o], n.freedom) for o, n in noise.items()])
+    information, bent = ((stacked.T * each) @ stacked for each in (expected, observed))
+    plain = covariance(information, prior.precision)
     # of few samples in heavy tails the curvature may be anything
-    bread = covariance(bent if _is_curved(bent, np.asarray(information)) else np.asarray(information), prior.precision)
+    bread, curved = (
+        (covariance(bent, prior.precision), observed) if _is_curved(bent, information) else (plain, expected)
+    )
     return FitResult(
         q,
         problem.values(q),
@@ -326,11 +333,12 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
         residual,
         innovation,
         weights,
-        information=np.asarray(information),
+        information=information,
         prior_precision=prior.precision,
         deviance=float(deviance + (prior.residual(q) ** 2).sum()),
         parameters=len(q) + sum(n.parameters for n in noise.values()),
         samples=len(score),
         converged=minimum.converged,
-        covariance=heteroscedastic(bread, np.vstack(list(jacobian.values())), score),
+        covariance=heteroscedastic(bread, stacked, score, curved),
+        excess_variance=excess_variance(plain, stacked, score, expected),
     )

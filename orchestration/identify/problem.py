@@ -21,13 +21,13 @@ from fmus.kit.record.compiled import Trajectory
 from orchestration.identify.delay import DelayedModel
 from orchestration.identify.least_squares import SearchEndedError
 from orchestration.identify.noise import ORDER, Noise, estimate
+from orchestration.records.input_steps import input_steps
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
 Array = NDArray[np.float64]
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
 _EFFORT, _EFFORTS = 50.0, 3e5
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
-_MOVED = 0.01  # of the range of an input, above which it is not at rest
 _SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
 _FEWEST_CALM = 100  # samples
 _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
@@ -206,7 +206,7 @@ class Problem:
         self.start |= {name: self.start[base_name(name)] for name in names if name not in fixed}
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
-        moved = _moved(inputs, len(time))
+        moved = input_steps(inputs, len(time))
         self.calm = {o: _calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
@@ -312,12 +312,6 @@ class Problem:
         low, high = self.bounds()
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
         return np.clip(q, low + nudge, high - nudge)
-
-
-def _moved(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
-    """Where any input goes by more than a hundredth of its range, be it a step or its usual course."""
-    moved = [np.abs(np.diff(u, prepend=u[:1])) > _MOVED * np.ptp(u) for u in inputs.values() if np.ptp(u) > 0.0]
-    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
 
 
 def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:

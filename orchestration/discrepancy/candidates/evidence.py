@@ -11,7 +11,6 @@ from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import Candidate, label, own_parameters
 from orchestration.discrepancy.candidates.outlook import PredictedImprovement
 from orchestration.discrepancy.candidates.score_test import ScoreDirection
-from orchestration.identify.covariance import covariance
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 
@@ -55,12 +54,9 @@ class FittedCandidate:
         The likelihood ratio is as much too large as the effect's strength scatters more, in variance, than the
         likelihood says (Kent, Biometrika 69, 1982); that is told by White's covariance.
         """
-        i = self.problem.names.index(own_parameters(self.effect)[0])
-        assumed = covariance(self.fit.information, self.fit.prior_precision).standard_errors[i]
-        observed = self.fit.covariance.standard_errors[i]
-        known = 0.0 < assumed < observed < np.inf
+        excess = self.fit.excess_variance[self.problem.names.index(own_parameters(self.effect)[0])]
         ratio = base.fit.deviance - self.fit.deviance
-        return self.delta_bic(base, tried) - (ratio * (1.0 - (assumed / observed) ** 2) if known else 0.0)
+        return self.delta_bic(base, tried) - ratio * (1.0 - 1.0 / excess)
 
     def p_value(self, base: FittedCandidate, tried: int) -> float:
         """Probability of such a likelihood ratio without the effect, times the number of candidates."""

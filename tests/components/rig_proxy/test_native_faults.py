@@ -123,6 +123,7 @@ def test_slow_bytes(engine):
         assert steps(engine, 0, 10)[-1]["link_state"] == CONNECTED
 
 
+@pytest.mark.real_time(limit=0.5 * TIMES["deadline"])  # deadlines are counted
 @pytest.mark.parametrize("on_stale", ["hold", "fail"])
 def test_a_connection_cut_in_the_middle_of_a_frame(engine, on_stale):
     rig = ScriptedRig(COUNT)
