@@ -143,8 +143,9 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
         chosen, gain = sure[0]
         effect = chosen.effect
         others = [row for row in ranked if row[0] is not chosen and not _interchangeable(row[0].effect, effect)]
-        alternatives = [e for e, g in sure if (e, g) in others and gain - g < ALTERNATIVE]
-        rejected = [row for row in others if row[0] not in alternatives]
+        close = {e.effect_name for e, g in sure if gain - g < ALTERNATIVE}
+        alternatives = [e for e, _ in others if e.effect_name in close]
+        rejected = [(e, g) for e, g in others if e.effect_name not in close]
         named = {label(effect) for effect in chosen.candidate.effects}
         remaining = [effect for effect in remaining if label(effect) not in named]
         able = [model for model in scored if model.directions.get(effect, (None, []))[1]]

@@ -22,9 +22,9 @@ EFFECTS = ["strain_saturation", "double_layer"]
 
 @pytest.fixture(scope="module")
 def hidden(tmp_path_factory) -> Path:
-    """A record in which the strain saturates."""
+    """A record in which the strain saturates, long enough to tell the creep from it."""
     path = tmp_path_factory.mktemp("front") / "hidden.csv"
-    write(draw("strain_saturation", 1, duration=300.0, rate=5.0), path)
+    write(draw("strain_saturation", 1, duration=450.0, rate=5.0), path)
     return path
 
 
@@ -70,7 +70,7 @@ def test_what_was_found_is_reachable_by_name(result):
     low, high = result.parameters["R1"].interval
     assert low < result.parameters["R1"].value < high
     assert result.parameters["R1"].unit == "ohm"
-    assert result.gain.after["displacement"] < result.gain.before["displacement"]
+    assert result.gain.after["displacement"] < 0.5 * result.gain.before["displacement"]
     assert len(repr(result)) < 120
     assert result._repr_html_().startswith("<pre>cause  What the model gets wrong")
 

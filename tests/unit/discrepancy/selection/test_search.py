@@ -12,21 +12,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from fmus.kit import Component, Input, Output, Parameter
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection.search import Search
-
-
-class Gain(Component):
-    """What is fed, times a factor."""
-
-    name = "gain"
-    factor = Parameter(1.0, "1", min=0)
-    u = Input("1")
-
-    @Output("1")
-    def y(self):
-        return self.factor * self.u
+from tests.support.gain import Gain
 
 
 def recorded(noise):

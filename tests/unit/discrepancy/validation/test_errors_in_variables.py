@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Input, Output, Parameter
 from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_drift, sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
@@ -24,6 +23,7 @@ from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from orchestration.discrepancy.validation.errors_in_variables import assess, defensible
 from tests.support.diagnosis import short_record
+from tests.support.gain import Gain
 from tests.support.intersample_records import TRUE, record, stimulus
 
 AT_REST = tuple(PpyActuator.layout.start_parameters)
@@ -47,18 +47,6 @@ def test_noise_is_seen_on_every_course(kind, rate):
 def test_what_has_no_noise_has_none(kind, rate):
     values = stimulus(kind, np.arange(round(240.0 * rate)) / rate, 1, rate)
     assert measured_noise(values) == 0.0
-
-
-class Gain(Component):
-    """What is fed, times a factor."""
-
-    name = "gain"
-    factor = Parameter(1.0, "1", min=0)
-    u = Input("1")
-
-    @Output("1")
-    def y(self):
-        return self.factor * self.u
 
 
 def test_the_bias_is_that_of_attenuation():
