@@ -22,9 +22,9 @@ EFFECTS = ["strain_saturation", "double_layer"]
 
 @pytest.fixture(scope="module")
 def hidden(tmp_path_factory) -> Path:
-    """A record in which the strain saturates, long enough to tell the creep from it."""
+    """A record in which the strain saturates, with samples enough to tell the creep from it."""
     path = tmp_path_factory.mktemp("front") / "hidden.csv"
-    write(draw("strain_saturation", 1, duration=450.0, rate=5.0), path)
+    write(draw("strain_saturation", 1, duration=300.0, rate=10.0), path)
     return path
 
 
