@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from orchestration.discrepancy.candidates.candidate import catalogue, label
+from orchestration.discrepancy.data.records import dataset
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.pipeline import dataset
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.fmu.model import find_model

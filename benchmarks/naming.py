@@ -100,8 +100,8 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     """
     from orchestration.api.records import read_record
     from orchestration.discrepancy.candidates.candidate import catalogue
+    from orchestration.discrepancy.data.records import dataset
     from orchestration.discrepancy.diagnosis import diagnose
-    from orchestration.discrepancy.pipeline import dataset
     from orchestration.fmu.model import catalogue as known_effects
     from orchestration.fmu.model import find_model
     from orchestration.identify.metrics import normalised_rms

@@ -37,6 +37,7 @@ class NoteCode(StrEnum):
     EXCITATION_BELOW_NOISE = "excitation_below_noise"
     UNKNOWN_START = "unknown_start"
     ABSENT_INPUT = "absent_input"
+    GAPS = "gaps"
     TOO_FEW_SAMPLES = "too_few_samples"
     ENDS_EARLY = "ends_early"
     MANY_GAPS = "many_gaps"

@@ -13,7 +13,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.records import dataset, joined_dataset, labels
+from orchestration.discrepancy.data.records import gap_notes, joined_dataset, labels
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
 from orchestration.discrepancy.design.stimuli import Limits
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
@@ -151,14 +151,16 @@ def diagnose(
         raise UserError(f"{model.name} is an FMU without equations; name a component or file.py:Class")
     _check_names(chosen, model)
     records, holdouts = _listed(record), _listed(holdout)
+    every = (*records, *holdouts)
     data, judged = _data(records, holdouts, model, chosen)
     if judged is not None and not judged.measured:
         outputs = ", ".join(data.measured)
         raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
     effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
     fixed, budget = parameters_given(chosen, model), budget_of(chosen, data)
-    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
-    notes = [*absent_inputs(model, (*records, *holdouts), chosen.given), *diagnosis.notes]
+    each = chosen.each if len(every) > 1 else ()
+    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, each)
+    notes = [*absent_inputs(model, every, chosen.given), *gap_notes(every), *diagnosis.notes]
     component = gain = experiment = None
     if not diagnosis.inconclusive:
         progress("running the extended FMU over the validation data")
@@ -211,9 +213,11 @@ def _data(
 ) -> tuple[Dataset, Dataset | None]:
     """What is fitted to, and other records to judge by if there are any; by themselves they need no labels."""
     given, interpolate = options.given, options.interpolate
-    if len(records) == 1 and len(holdouts) < 2 and not options.each:
-        data = dataset(records[0], model, given, interpolate)
-        return data, dataset(holdouts[0], model, given, interpolate).only(data.measured) if holdouts else None
+    if len(records) == 1 and len(holdouts) < 2 and not (options.each and holdouts):  # of one record nothing differs
+        data = joined_dataset({"": records[0]}, model, given, interpolate)
+        return data, joined_dataset({"": holdouts[0]}, model, given, interpolate).only(
+            data.measured
+        ) if holdouts else None
     named = dict(zip(labels([*records, *holdouts]), [*records, *holdouts], strict=True))
     fitted, judged = list(named)[: len(records)], list(named)[len(records) :]
     data = joined_dataset({label: named[label] for label in fitted}, model, given, interpolate)

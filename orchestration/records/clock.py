@@ -232,23 +232,39 @@ def evenly_sampled(time: NDArray[np.float64]) -> bool:
     return bool(0.5 * fastest <= slowest and np.std(inner) <= JITTER * np.mean(inner))
 
 
-def _notice_gaps(samples: Samples) -> None:
-    """Note gaps and uneven sampling, in place; both matter to tests for whiteness.
+def gaps(time: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Samples after which a clock leaves a gap.
 
     A step is a gap if it exceeds ten times the median step of the record and of its surroundings, so that a record with
     logarithmic sampling is called uneven and not full of gaps.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds, increasing.
     """
+    steps = np.diff(time)
+    if not steps.size:
+        return np.zeros(0, dtype=np.intp)
+    suspects = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
+    return np.array(
+        [i for i in suspects if steps[i] > GAP_FACTOR * np.median(steps[max(0, i - 5) : i + 6])], dtype=np.intp
+    )
+
+
+def _notice_gaps(samples: Samples) -> None:
+    """Note gaps and uneven sampling, in place; both matter to tests for whiteness."""
     steps = np.diff(samples.time)
     median = float(np.median(steps))
-    suspects = np.flatnonzero(steps > GAP_FACTOR * median)
-    gaps = [i for i in suspects if steps[i] > GAP_FACTOR * np.median(steps[max(0, i - 5) : i + 6])]
-    if gaps:
-        rows = samples.rows[np.array(gaps) + 1].tolist()
-        longest = gaps[int(np.argmax(steps[gaps]))]
+    found = gaps(samples.time)
+    if found.size:
+        rows = samples.rows[found + 1].tolist()
+        longest = found[int(np.argmax(steps[found]))]
         message = (
-            f"{len(gaps)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s, the longest "
+            f"{len(found)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s, the longest "
             f"{steps[longest]:.4g} s before row {samples.rows[longest + 1]} (before {list_rows(rows)}); a simulation "
-            "holds the inputs through a gap, and what follows it is right only if they did not change"
+            "holds the inputs through a gap, and what follows it is right only if they did not change; a diagnosis "
+            "begins anew after it"
         )
         samples.repairs.append(Repair("gap", message, tuple(rows)))
     if not evenly_sampled(samples.time):

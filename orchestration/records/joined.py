@@ -32,12 +32,15 @@ class Run:
         Its first sample in the joined record, and the one past its last.
     ahead : float
         Seconds by which the clock of the joined record is ahead of its own.
+    record : str
+        What the record is called that it is a part of, between gaps; empty where it is a whole one.
     """
 
     label: str
     first: int
     last: int
     ahead: float = 0.0
+    record: str = ""
 
     @property
     def samples(self) -> slice:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.records.clock import gaps
 from orchestration.records.joined import Run, joined, sampled_alike
 
 Array = NDArray[np.float64]
 # Samples between two runs at which nothing was measured: more than any filter remembers, and than the lags at which a
 # residual is held against signals, so that neither reaches across.
 GAP = 32
+PIECE = 32  # samples, without which what is between two gaps tells little but where it starts
 
 
 @dataclass(frozen=True)
@@ -39,8 +42,15 @@ class Dataset:
     several: tuple[Run, ...] = ()
 
     @classmethod
-    def joined(cls, records: Mapping[str, Dataset]) -> Dataset:
-        """Join records to one, by what each is called; an output that one of them lacks has a gap there."""
+    def joined(cls, records: Mapping[str, Dataset], of: Mapping[str, str] | None = None) -> Dataset:
+        """Join records to one, by what each is called; an output that one of them lacks has a gap there.
+
+        Parameters
+        ----------
+        records : Mapping of str to Dataset
+        of : Mapping of str to str, optional
+            What records are called that some of these are pieces of.
+        """
         parts = list(records.values())
         step = float(np.median(np.concatenate([np.diff(part.time) for part in parts])))
         runs: list[Run] = []
@@ -50,7 +60,7 @@ class Dataset:
                 before, last = parts[len(runs) - 1], runs[-1]
                 first = last.last + GAP
                 ahead = before.time[-1] + last.ahead + (GAP + 1) * step - part.time[0]
-            runs.append(Run(label, first, first + len(part.time), float(ahead)))
+            runs.append(Run(label, first, first + len(part.time), float(ahead), (of or {}).get(label, "")))
         count = runs[-1].last
         time = joined(count, runs, [part.time + run.ahead for part, run in zip(parts, runs, strict=True)])
         for run in runs[1:]:
@@ -62,6 +72,22 @@ class Dataset:
             for name, values in part.measured.items():
                 measured[name][run.samples] = values
         return cls(time, inputs, measured, parts[0].linear, tuple(runs))
+
+    def pieces(self, label: str = "") -> dict[str, Dataset]:
+        """What of a record is between gaps in its time, where nobody knows what the inputs did; itself without any.
+
+        Where samples come in short bursts, so that this would leave out most of them, the record stays as it is.
+
+        Parameters
+        ----------
+        label : str
+            What the record is called; pieces are numbered after it.
+        """
+        ends = [0, *(gaps(self.time) + 1).tolist(), len(self.time)]
+        parts = [(a, b) for a, b in pairwise(ends) if b - a >= PIECE]
+        if len(ends) == 2 or 2 * sum(b - a for a, b in parts) < len(self.time):
+            return {label: self}
+        return {f"{label}.{k}" if label else str(k): self.part(a, b) for k, (a, b) in enumerate(parts, 1)}
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -95,8 +121,8 @@ class Dataset:
 
     def runs_of(self, labels: Sequence[str]) -> Dataset:
         """Some of the runs, joined anew."""
-        parts = self.apart()
-        return Dataset.joined({label: parts[label] for label in labels})
+        parts, of = self.apart(), {run.label: run.record for run in self.runs}
+        return Dataset.joined({label: parts[label] for label in labels}, of)
 
     def part(self, first: int, last: int) -> Dataset:
         """Samples from one to before another."""

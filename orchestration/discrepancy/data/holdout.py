@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.dataset import PIECE, Dataset
 from orchestration.identify.metrics import normalised_rms
 
 Array = NDArray[np.float64]
@@ -41,12 +41,17 @@ class ValidationData:
         """Divide a record into estimation and validation data.
 
         Of several records the last third is held out. Of one it is its end, or where it is sampled unevenly, and no
-        stretch of it is like another, every third sample.
+        stretch of it is like another, every third sample. The end of one with gaps begins anew.
         """
+        records = list(dict.fromkeys(run.record or run.label for run in data.several))
+        if len(records) > 1:
+            kept = records[: len(records) - max(1, round(len(records) * HELD_OUT))]
+            kept_labels = [run.label for run in data.runs if (run.record or run.label) in kept]
+            other = [run.label for run in data.runs if run.label not in kept_labels]
+            return data.runs_of(kept_labels), cls.separate_record(data.runs_of(other), each)
         if len(data.several) > 1:
-            labels = [run.label for run in data.runs]
-            kept = len(labels) - max(1, round(len(labels) * HELD_OUT))
-            return data.runs_of(labels[:kept]), cls.separate_record(data.runs_of(labels[kept:]), each)
+            cut = _cut(data)
+            return data.part(0, cut), cls.separate_record(data.part(cut, len(data.time)), each)
         if data.even:
             validation = cls.tail(data)
             return data.part(0, validation.first), validation
@@ -109,3 +114,16 @@ class ValidationData:
         """
         at, counted = self.held_out[part], self.judged[part][self.held_out[part]]
         return {o: normalised_rms(y[part][at], simulated[o][part][at], counted) for o, y in self.data.measured.items()}
+
+
+def _cut(data: Dataset) -> int:
+    """First sample of the last third of a record with gaps, or of what is between two gaps where too little is left."""
+    left = round(sum(run.last - run.first for run in data.runs) * (1.0 - HELD_OUT))
+    for run in data.runs:
+        count = run.last - run.first
+        if left < count:
+            break
+        left -= count
+    if left < PIECE and run is not data.runs[0]:
+        return run.first
+    return run.last if count - left < PIECE and run is not data.runs[-1] else run.first + left

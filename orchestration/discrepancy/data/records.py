@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.fmu.model import Model
 from orchestration.records import Record
 
@@ -35,7 +36,7 @@ def dataset(record: Record, model: Model, given: Mapping[str, float], interpolat
 def joined_dataset(
     records: Mapping[str, Record], model: Model, given: Mapping[str, float], interpolate: bool | None = None
 ) -> Dataset:
-    """Return the same of several records, joined; by their labels.
+    """Return the same of records without gaps in time, joined; by their labels. One alone needs none.
 
     Parameters
     ----------
@@ -43,7 +44,25 @@ def joined_dataset(
     model, given, interpolate
         See :func:`dataset`.
     """
-    return Dataset.joined({label: dataset(record, model, given, interpolate) for label, record in records.items()})
+    pieces, of = dict[str, Dataset](), dict[str, str]()
+    for label, record in records.items():
+        divided = dataset(record, model, given, interpolate).pieces(label)
+        pieces |= divided
+        of |= dict.fromkeys(divided, label or "the record") if len(divided) > 1 else {}
+    return pieces[""] if [*pieces] == [""] else Dataset.joined(pieces, of)
+
+
+def gap_notes(records: Sequence[Record]) -> list[Note]:
+    """What is to be said of gaps in the time of records."""
+    notes = []
+    for record in records:
+        parts = Dataset(record.time, {}, {}).pieces().values()
+        if len(parts) > 1:
+            steps = np.diff(record.time)
+            facts = {"record": record.source.name, "longest": float(steps.max()), "pieces": len(parts)}
+            lost = record.time.size - sum(part.time.size for part in parts)
+            notes.append(Note(NoteCode.GAPS, record.label, facts | {"lost": lost}))
+    return notes
 
 
 def labels(records: Sequence[Record]) -> list[str]:

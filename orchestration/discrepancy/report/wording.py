@@ -72,6 +72,9 @@ _NOTES = {
         "if it started at rest, say so, and it can be judged how it settled: --hold {parameters}",
     NoteCode.ABSENT_INPUT:
         "{record} has no {subject}: taken to be {value:g} {unit} throughout; --set {subject}=... says otherwise",
+    NoteCode.GAPS:
+        "{record} has gaps in time, of up to {longest:.4g} s: nobody knows what the inputs did there, so after each it "
+        "starts anew; {pieces} runs{lost}",
     NoteCode.TOO_FEW_SAMPLES: "too few samples to say anything",
     NoteCode.ENDS_EARLY: "ends at {time:.6g} s, long before the others, and is not used",
     NoteCode.MANY_GAPS: "too little of it is without gaps to say anything",
@@ -187,6 +190,8 @@ def _fact(name: str, value: Any) -> Any:
         )
     if name == "names":
         return _some(value)
+    if name == "lost":
+        return f", and {value} samples between gaps too close to use" if value else ""
     if name == "errors":
         return ", ".join(f"of {output} {ratio:.3g} times" for output, ratio in value.items())
     if name == "records":

@@ -10,9 +10,10 @@ import pytest
 from fmus.kit.errors import UserError
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.candidates.candidate import label
+from orchestration.discrepancy.data.records import dataset
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.pipeline import Options, dataset, diagnose
+from orchestration.discrepancy.pipeline import Options, diagnose
 from orchestration.fmu.model import find_model
 from tests.support.diagnosis import rig_record
 

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.data.records import dataset
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.pipeline import Result, dataset
+from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report.page import page
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for

@@ -202,6 +202,14 @@ def too_few_samples(monkeypatch):
     return screened(PpyActuator, with_gaps(150), {})[1]
 
 
+@makes(NoteCode.GAPS)
+def gaps_in_time(monkeypatch):
+    record = rig_record()
+    kept = np.r_[0:500, 600:620, 700:1500]
+    record = replace(record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()})
+    return pipeline.diagnose(record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+
+
 @makes(NoteCode.MANY_GAPS)
 def many_gaps(monkeypatch):
     return divided(PpyActuator, with_gaps(2), None, {}).notes
