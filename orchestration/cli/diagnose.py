@@ -116,7 +116,8 @@ def run(
     records, holdouts = held_out(files.records, files.holdout or None, model, renamed, runs)
     for record in (*records, *holdouts):
         name = "" if record is records[0] and not record.label else f"{_called(record)}: "
-        tell_repairs([replace(r, message=f"{name}{r.message}") for r in record.repairs])
+        # of a channel that is constant the diagnosis says what follows from it
+        tell_repairs([replace(r, message=f"{name}{r.message}") for r in record.repairs if r.kind != "constant"])
     with progress() as tell:
         result = diagnose(
             records, model, holdout=holdouts or None, compare=files.compare, each=each, effects=considered, hold=hold,

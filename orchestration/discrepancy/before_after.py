@@ -10,7 +10,7 @@ from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.records import dataset
+from orchestration.discrepancy.data.records import dataset, refuse_same
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.note import Note, UnusableRecordError
@@ -65,6 +65,7 @@ def compare(
     part = replace(part, linear=result.diagnosis.estimation.linear)
     if missing := [o for o in result.diagnosis.estimation.measured if o not in part.measured]:
         raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(missing)}")
+    refuse_same([*result.records, after], result.model.outputs, "--compare")
     progress(f"diagnosing {after.source.name}")
     given, budget = parameters_given(chosen, result.model), budget_of(chosen, part)
     try:

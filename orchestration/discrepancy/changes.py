@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 from fmus.kit.declare import ParameterDeclaration
@@ -61,7 +61,8 @@ class Change:
         Whether it surely is by the noise, but stretches of the records do not agree about it.
     gain : float
         Of the squared error that is gained by letting go of all parameters, the share that letting go of this one
-        gained when it was its turn; of one that is not needed, what it would gain beside those that are.
+        gained when it was its turn; of one that is not needed, what it would gain beside those that are. None where
+        letting go of all gains no more than chance makes.
     declaration : ParameterDeclaration
         Its unit and range.
     effect : str
@@ -77,7 +78,7 @@ class Change:
     after_interval: tuple[float, float]
     changed: bool
     uncertain: bool
-    gain: float
+    gain: float | None
     declaration: ParameterDeclaration
     effect: str = ""
     neutral: float | None = None
@@ -162,6 +163,7 @@ def changes(
     everything = _fitted(search, candidate, tuple(told), [shared.fit.values | apart, shared.fit.values])
     best, gains, rest = shared, dict[str, float](), list(told)
     total = shared.error - everything.error
+    real = total > _by_chance(shared, len(told))
     while rest and total > 0.0:
         if search.budget.spent():
             search.budget.leave(rest)
@@ -182,13 +184,21 @@ def changes(
     agreed = [name for name in sure if _agreed(best, name, len(told))]
     order = [*agreed, *(name for name in (*best.free, *rest) if name not in agreed)]
     owner = {name: label(effect) for effect in candidate.effects for name in own_parameters(effect)}
-    found = [_change(best if n in agreed else reported, n, n in agreed, gains.get(n, 0.0)) for n in order]
+    found = [
+        _change(best if n in agreed else reported, n, n in agreed, gains.get(n, 0.0) if real else None) for n in order
+    ]
     return [
         replace(
             c, uncertain=c.name in sure and not c.changed, effect=owner.get(c.name, ""), neutral=neutral.get(c.name)
         )
         for c in found
     ]
+
+
+def _by_chance(shared: _Fit, parameters: int) -> float:
+    """What letting go of so many parameters takes off the mean of the squared errors where nothing changed (Wilks)."""
+    samples = sum(len(e) for e in shared.fit.residual.values())
+    return shared.error * float(chi2.isf(ALPHA, max(parameters, 1))) / samples
 
 
 def _with_trace(
@@ -254,7 +264,7 @@ def _between_stretches(one: _Fit) -> Covariance:
     return clustered(covariance(jacobian.T @ jacobian), jacobian, errors, stretches)
 
 
-def _change(one: _Fit, name: str, changed: bool, gain: float) -> Change:
+def _change(one: _Fit, name: str, changed: bool, gain: float | None) -> Change:
     """What is to be said of a parameter: as it was claimed, or as each record by itself has it."""
     few = float(student.ppf(0.975, STRETCHES - 1) / norm.ppf(0.975))
     errors = np.maximum(one.fit.covariance.standard_errors, few * _between_stretches(one).standard_errors)

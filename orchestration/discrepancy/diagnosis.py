@@ -114,8 +114,14 @@ class Diagnosis:
         return [step.chosen.effect_name for step in self.selection.steps]
 
     @property
+    def unsettled(self) -> bool:
+        """Whether time was spent before the model was fitted, and no cause was named, so that nothing is claimed."""
+        codes = {note.code for note in self.notes}
+        return {NoteCode.NOT_CONVERGED, NoteCode.TIME_SPENT} <= codes and not self.causes
+
+    @property
     def inconclusive(self) -> bool:
-        """Whether the record excites nothing, so that nothing can be said of the model."""
+        """Whether the record excites nothing or nothing was fitted, so that nothing can be said of the model."""
         return self.verdict is Verdict.AMBIGUOUS and not self.causes
 
 
@@ -173,7 +179,7 @@ def diagnose(
     UserError
         If the model cannot be simulated over the record, or no output can be trusted.
     """
-    chosen = intersample.given(data) if data.linear is not None else intersample.by_course(cls, data)
+    chosen = intersample.given(cls, data) if data.linear is not None else intersample.by_course(cls, data)
     data = replace(data, linear=intersample.linear(chosen))
     holdout = replace(holdout, linear=data.linear) if holdout is not None else None
     parts = divided(cls, data, holdout, fixed or {}, bool(each))
@@ -194,12 +200,12 @@ def diagnose(
     final, failed = _refitted(replace(search, data=usable), selection.best, holdout is None)
     more = np.hypot(noise.spread_of(final.problem.names), intersample.spread(chosen, final))
     values = estimates(final, more)
-    changed = [] if inconclusive else significantly_changed(final, search.parameters, more)
+    unfitted = not final.fit.converged and bool(search.budget.notes)  # where it ended tells of the clock alone
+    changed = [] if inconclusive or unfitted else significantly_changed(final, search.parameters, more)
     physical = [name for name in search.parameters if name not in cls.layout.start_parameters]
-    odd = implausible(values, physical)
+    odd = {} if unfitted else implausible(values, physical)
     residuals = analyse_residuals(selection.best, estimation)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
-    errors = errors_side_by_side(predictions, validation)
     astray = not_followed(validation, predictions[-1])
     notes = [
         *_excitation_notes([*parts.notes, *by_clock], estimation, excited, starts),
@@ -211,17 +217,17 @@ def diagnose(
         *([] if inconclusive else reservations(final, physical)),
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
-        *_remarks(selection, residuals),
-        *astray,
+        *_remarks(selection, residuals, astray),
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
         *search.budget.notes,
     ]
     # a cause that was named made what was held out likelier, and is not taken back
     amiss = bool(odd) or (bool(astray) and not selection.steps)
-    verdict = Verdict.AMBIGUOUS if inconclusive else _verdict(selection, residuals, changed, excused, amiss)
+    unknown = inconclusive or (unfitted and not selection.steps)
+    verdict = Verdict.AMBIGUOUS if unknown else _verdict(selection, residuals, changed, excused, amiss)
     return Diagnosis(
-        verdict, selection, values, changed, residuals, *errors, estimation, validation, final, notes,
-        chosen, excused,
+        verdict, selection, values, changed, residuals, *errors_side_by_side(predictions, validation), estimation,
+        validation, final, notes, chosen, excused,
     )  # fmt: skip
 
 
@@ -269,9 +275,9 @@ def _gained(predictions: Sequence[Prediction]) -> bool:
     return any(after[o] < before[o] for o in before) and not any(after[o] > DEGRADED * before[o] for o in before)
 
 
-def _remarks(selection: Selection, residuals: Mapping[str, ResidualAnalysis]) -> list[Note]:
-    """What to mind of what was named, and of what is left."""
-    return [*_confounders(selection), *remarks(residuals)]
+def _remarks(selection: Selection, residuals: Mapping[str, ResidualAnalysis], astray: Sequence[Note]) -> list[Note]:
+    """What to mind of what was named, and of what is left where was fitted and where was not."""
+    return [*_confounders(selection), *remarks(residuals), *astray]
 
 
 def _confounders(selection: Selection) -> list[Note]:

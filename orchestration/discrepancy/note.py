@@ -30,6 +30,7 @@ class NoteCode(StrEnum):
     # how far the data reach
     INTERSAMPLE = "intersample"
     INTERSAMPLE_OPEN = "intersample_open"
+    INTERSAMPLE_CONTRADICTED = "intersample_contradicted"
     INPUT_NOISE = "input_noise"
     EVEN_CLOCK = "even_clock"
     CONSTANT_INPUT = "constant_input"

@@ -13,7 +13,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.records import gap_notes, joined_dataset, labels
+from orchestration.discrepancy.data.records import gap_notes, joined_dataset, labels, refuse_same
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
 from orchestration.discrepancy.design.stimuli import Limits
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
@@ -152,6 +152,7 @@ def diagnose(
     _check_names(chosen, model)
     records, holdouts = _listed(record), _listed(holdout)
     every = (*records, *holdouts)
+    refuse_same(every, model.outputs)
     data, judged = _data(records, holdouts, model, chosen)
     if judged is not None and not judged.measured:
         outputs = ", ".join(data.measured)
@@ -169,7 +170,7 @@ def diagnose(
             gain = measured_gain(diagnosis, build_cached(component, "native"))
         except Exception as error:  # whatever it was, the diagnosis stands without it
             notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": _reason(error)}))
-    if diagnosis.verdict is Verdict.AMBIGUOUS:
+    if diagnosis.verdict is Verdict.AMBIGUOUS and not diagnosis.unsettled:
         try:
             limits, highest = chosen.limits, chosen.highest_frequency
             experiment = design(diagnosis.selection, data, limits, highest, None, progress)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fmus.kit.errors import UserError
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.fmu.model import Model
 from orchestration.records import Record
+
+_ROUNDED = 1e-6  # of the spread of a signal, to which a file may have rounded it
 
 
 def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None) -> Dataset:
@@ -50,6 +54,47 @@ def joined_dataset(
         pieces |= divided
         of |= dict.fromkeys(divided, label or "the record") if len(divided) > 1 else {}
     return pieces[""] if [*pieces] == [""] else Dataset.joined(pieces, of)
+
+
+def refuse_same(records: Sequence[Record], outputs: Collection[str], option: str = "") -> None:
+    """Refuse records that hold the same samples: one says nothing that the other does not.
+
+    Figures may be rounded, in another unit or otherwise ordered, and the clock may be another; noise is never the same.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    outputs : collection of str
+        What is measured; records that have none in common are two, however alike their inputs are.
+    option : str
+        That gave the last one.
+
+    Raises
+    ------
+    UserError
+        Naming the first two that are the same.
+    """
+    for k, one in enumerate(records):
+        for other in records[:k]:
+            if _same_samples(one, other, outputs):
+                what = f"{option} {one.source}".strip()
+                raise UserError(f"{what}: this is the same record as {other.source}; it tells nothing more")
+
+
+def _same_samples(one: Record, other: Record, outputs: Collection[str]) -> bool:
+    common = one.signals.keys() & other.signals.keys()
+    if one.time.size != other.time.size or common.isdisjoint(outputs):
+        return False
+    pairs = [(one.signals[name], other.signals[name]) for name in common]
+    pairs.append((one.time - one.time[0], other.time - other.time[0]))
+    return all(_alike(a, b) for a, b in pairs)
+
+
+def _alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Whether two signals are the same but for rounding."""
+    there = np.isfinite(a)
+    spread = float(np.ptp(a[there])) if there.any() else 0.0
+    return bool(np.allclose(a, b, rtol=_ROUNDED, atol=_ROUNDED * spread, equal_nan=True))
 
 
 def gap_notes(records: Sequence[Record]) -> list[Note]:

@@ -36,7 +36,7 @@ def page_rows(found: Sequence[Change]) -> list[list[str]]:
 
 
 def _gain(change: Change) -> str:
-    return f"{100 * change.gain:.1f} %"
+    return "" if change.gain is None else f"{100 * change.gain:.1f} %"
 
 
 def _verdict(change: Change) -> str:

@@ -13,7 +13,7 @@ from orchestration.reporting.page import Page
 
 
 @dataclass(frozen=True)
-class _Tried:
+class Tried:
     """An effect that was fitted, and what became of it."""
 
     candidate: FittedCandidate
@@ -23,17 +23,17 @@ class _Tried:
     why: str = ""
 
 
-def _tried(diagnosis: Diagnosis) -> list[_Tried]:
+def every_tried(diagnosis: Diagnosis) -> list[Tried]:
     """Every effect that was fitted, once: those named, their alternatives, and others by their last trial."""
     steps, tried = diagnosis.selection.steps, diagnosis.selection.tried
     below = [diagnosis.selection.base, *(step.chosen for step in steps)]
     named = [step.chosen.effect_name for step in steps]
-    rows = [_Tried(step.chosen, step.gain, step.p_value, "named") for step in steps]
+    rows = [Tried(step.chosen, step.gain, step.p_value, "named") for step in steps]
     for step, under in zip(steps, below, strict=False):
         for alternative in step.alternatives:
             gain = step.gains[alternative.effect_name]
             why = f"from {step.chosen.effect_name}"
-            rows.append(_Tried(alternative, gain, alternative.p_value(under, tried), "not told apart", why))
+            rows.append(Tried(alternative, gain, alternative.p_value(under, tried), "not told apart", why))
     listed = {row.candidate.effect_name for row in rows}
     trials: dict[str, list[tuple[FittedCandidate, float, FittedCandidate]]] = {}
     for rejected, under in zip([*(step.rejected for step in steps), diagnosis.selection.rejected], below, strict=True):
@@ -44,7 +44,7 @@ def _tried(diagnosis: Diagnosis) -> list[_Tried]:
         candidate, gain, under = trials[name][-1]
         unsure = name in diagnosis.selection.unsure
         why = wording.why_not([g for _, g, _ in trials[name]], " and ".join(named), unsure)
-        others.append(_Tried(candidate, gain, candidate.p_value(under, tried), "rejected", why))
+        others.append(Tried(candidate, gain, candidate.p_value(under, tried), "rejected", why))
     return rows + sorted(others, key=lambda row: (-row.gain, row.candidate.candidate.name))
 
 
@@ -52,7 +52,7 @@ def evidence(made: Page, result: Result) -> None:
     """What speaks for every effect, and why it was named or not."""
     diagnosis = result.diagnosis
     made.heading("Evidence: what was tried")
-    rows = _tried(diagnosis)
+    rows = every_tried(diagnosis)
     if rows:
         most = max(row.gain for row in rows)
         head = ["effect", "fall of BIC", "p-value", "verdict"]

@@ -15,6 +15,7 @@ from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.changes import HEAD, plain_rows
 from orchestration.discrepancy.report.errors import RunError, error_rows, run_errors
+from orchestration.discrepancy.report.evidence_table import every_tried
 from orchestration.records.joined import shown_name
 from orchestration.reporting.console import plain_table
 
@@ -83,13 +84,11 @@ def _changes(diagnosis: Diagnosis) -> list[str]:
 
 
 def _evidence(diagnosis: Diagnosis) -> Table:
-    rows = plain_table("evidence", "effect", "fall of BIC", "verdict")
-    for step in diagnosis.selection.steps:
-        rows.add_row(step.chosen.effect_name, f"{step.gain:.1f}", "named")
-        for alternative in step.alternatives:
-            rows.add_row(alternative.effect_name, f"{step.gains[alternative.effect_name]:.1f}", "not told apart")
-    for candidate, fall in diagnosis.selection.rejected[:_REJECTED]:
-        rows.add_row(candidate.effect_name, f"{fall:.1f}", "rejected")
+    rows = plain_table("evidence", "effect", "fall of BIC", "verdict", "")
+    tried = every_tried(diagnosis)
+    rejected = [row for row in tried if row.verdict == "rejected"]
+    for row in [*(row for row in tried if row not in rejected), *rejected[:_REJECTED]]:
+        rows.add_row(row.candidate.effect_name, f"{row.gain:.1f}", row.verdict, row.why)
     return rows
 
 

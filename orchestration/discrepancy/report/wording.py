@@ -27,9 +27,10 @@ _VERDICTS = {
     Verdict.UNEXPLAINED: "{beside} is left that nothing in the catalogue accounts for: {unexplained}.",
 }
 _LISTED = 5  # names of many
+_NO_DIFFERENCE = 0.05  # of BIC
 IN_HEADLINE = (
-    NoteCode.ABSENT_INPUT, NoteCode.UNDETERMINED, NoteCode.DETERMINED_TOGETHER, NoteCode.AT_BOUND,
-    NoteCode.NOT_CONVERGED, NoteCode.NOT_MOVED,
+    NoteCode.ABSENT_INPUT, NoteCode.INTERSAMPLE_CONTRADICTED, NoteCode.UNDETERMINED, NoteCode.DETERMINED_TOGETHER,
+    NoteCode.AT_BOUND, NoteCode.NOT_CONVERGED, NoteCode.NOT_MOVED,
 )  # fmt: skip
 _REASONS = (NoteCode.IMPLAUSIBLE, NoteCode.NOT_FOLLOWED, NoteCode.END_NOT_FOLLOWED)  # why something is unexplained
 _NOTES = {
@@ -56,6 +57,9 @@ _NOTES = {
     NoteCode.INTERSAMPLE_OPEN:
         "taken to {course} between samples, {basis}, but not surely{margin}: the other way, {parameter} "
         "would be {factor:.4g} times as large; --interpolate or --no-interpolate forces it",
+    NoteCode.INTERSAMPLE_CONTRADICTED:
+        "taken to {course} between samples as asked, but its course is one of {other}: a lag or a lead of half a "
+        "sample may be nothing but that; leave out {option}",
     NoteCode.INPUT_NOISE:
         "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive the outputs: "
         "{parameter} comes out {bias} off by that, and evidence for effects counts only beyond what such noise makes",
@@ -126,6 +130,10 @@ _NOTES = {
 
 def sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
+    hurried = any(note.code is NoteCode.TIME_SPENT for note in diagnosis.notes)
+    suffix = " (The time was spent before all was tried.)" if hurried else ""
+    if diagnosis.unsettled:
+        return f"The model is not fitted to the end, so that nothing is claimed.{suffix}"
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
     causes = _causes(diagnosis)
@@ -135,8 +143,7 @@ def sentence(diagnosis: Diagnosis) -> str:
         beside=f"Beside {causes}, something" if causes else "Something",
         unexplained="; ".join(_unexplained(diagnosis)),
     )
-    hurried = any(note.code is NoteCode.TIME_SPENT for note in diagnosis.notes)
-    return f"{said} (The time was spent before all was tried.)" if hurried else said
+    return said + suffix
 
 
 def headline(result: Result) -> str:
@@ -184,6 +191,8 @@ def _fact(name: str, value: Any) -> Any:
         return ", ".join(f"{effect} ({100.0 * share:.0f} %)" for effect, share in value.items())
     if name == "course":
         return {"linear": "go smoothly", "held": "be held"}.get(value, value)
+    if name == "other":
+        return {"steps": "steps with rest between them", "smooth": "a smooth signal"}.get(value, value)
     if name == "basis":
         return {"course": "as it moves", "fit": "as the outputs tell", "default": "as nothing tells otherwise"}.get(
             value, value
@@ -197,7 +206,9 @@ def _fact(name: str, value: Any) -> Any:
     if name == "records":
         return f" in {_some(value)}" if value else ""
     if name == "margin":
-        return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
+        return (
+            f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if abs(value) >= _NO_DIFFERENCE else ""
+        )
     if name == "bias":
         return f"{100.0 * value:+.2g} %"
     if name == "untried":

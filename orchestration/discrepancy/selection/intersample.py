@@ -59,6 +59,8 @@ class Intersample:
         By which it would be another.
     shift : Mapping of str to float
         By how much coordinates of the model would be others, where both ways were fitted and neither is clear.
+    against : Course, optional
+        What the course of the input is, where something else was asked for.
     """
 
     linear: bool
@@ -67,6 +69,7 @@ class Intersample:
     hangs: str = ""
     factor: float = 1.0
     shift: Mapping[str, float] = field(default_factory=dict)
+    against: Course | None = None
 
 
 def by_course(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
@@ -82,10 +85,16 @@ def by_course(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
     return chosen
 
 
-def given(data: Dataset) -> dict[str, Intersample]:
-    """What a dataset says of every input that moves."""
+def given(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
+    """What a dataset says of every input that moves, and where its own course speaks against it."""
     named = data.inputs if data.linear is True else data.linear or ()
-    return {n: Intersample(n in named, Basis.GIVEN) for n, values in data.inputs.items() if np.ptp(values) > 0.0}
+    chosen, natural = {}, by_course(cls, data)
+    for name in (n for n, values in data.inputs.items() if np.ptp(values) > 0.0):
+        own = natural.get(name)
+        contrary = own is not None and own.basis is Basis.COURSE and own.linear is not (name in named)
+        course_of = Course.SMOOTH if own is not None and own.linear else Course.STEPS
+        chosen[name] = Intersample(name in named, Basis.GIVEN, against=course_of if contrary else None)
+    return chosen
 
 
 def linear(chosen: dict[str, Intersample]) -> frozenset[str]:
@@ -242,7 +251,11 @@ def remarks(chosen: dict[str, Intersample]) -> list[Note]:
             "basis": str(choice.basis),
             "margin": choice.margin or 0.0,
         }
-        if choice.hangs:
+        if choice.against is not None:
+            option = "--interpolate" if choice.linear else "--no-interpolate"
+            contrary = {"course": facts["course"], "other": str(choice.against), "option": option}
+            notes.append(Note(NoteCode.INTERSAMPLE_CONTRADICTED, name, contrary))
+        elif choice.hangs:
             notes.append(
                 Note(NoteCode.INTERSAMPLE_OPEN, name, facts | {"parameter": choice.hangs, "factor": choice.factor})
             )

@@ -39,6 +39,12 @@ def significantly_changed(model: FittedCandidate, parameters: Sequence[str], mor
 
 
 def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
-    """Of some parameters, those that no specimen can have, with their ratios to nominal; in any run."""
+    """Of some parameters, those that no specimen can have, with their ratios to nominal; in any run.
+
+    Where the interval holds values that a specimen may have, the record does not say that it has others.
+    """
     ratios = {n: e.value / e.nominal for n, e in values.items() if base_name(n) in parameters and e.nominal}
-    return {n: x for n, x in ratios.items() if x > 0.0 and not 1.0 / _IMPLAUSIBLE < x < _IMPLAUSIBLE}
+    ends = {n: sorted(end / values[n].nominal for end in values[n].interval) for n in ratios}
+    return {
+        n: x for n, x in ratios.items() if x > 0.0 and (ends[n][0] >= _IMPLAUSIBLE or ends[n][1] <= 1.0 / _IMPLAUSIBLE)
+    }

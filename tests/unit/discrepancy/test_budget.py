@@ -42,6 +42,10 @@ def test_the_best_answer_so_far_is_returned_wherever_the_time_ends(monkeypatch):
         assert set(diagnosis.after) == set(diagnosis.estimation.measured)
     assert {e.id for e in FEW} <= set(spent(ended[0.5]).facts["untried"])
     assert ended[0.5].causes == []
+    assert ended[0.5].changed == [], "where a fit ended by the clock is none of the record"
+    assert ended[0.5].verdict is Verdict.AMBIGUOUS
+    assert "not fitted to the end, so that nothing is claimed" in wording.sentence(ended[0.5])
+    assert NoteCode.IMPLAUSIBLE not in {note.code for note in ended[0.5].notes}
     assert "(The time was spent before all was tried.)" in wording.sentence(ended[0.5])
     assert "not tried: strain_saturation, quadratic_strain" in wording.message(spent(ended[0.5]))
     # with more time it gets further, and with enough nothing is said

@@ -13,6 +13,7 @@ import pytest
 from orchestration.discrepancy.candidates.candidate import Candidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, changes
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.report.changes import plain_rows
 from tests.support.several import TRUE, Cell, measured
 
 PARAMETERS = ("ocv", "R0", "R1", "tau1")
@@ -41,6 +42,12 @@ def test_one_parameter_that_changed_is_claimed_alone(name, seed):
 @pytest.mark.parametrize("seed", range(30, 36))
 def test_where_nothing_changed_nothing_is_claimed(seed):
     assert not [change for change in found(seed) if change.changed]
+
+
+def test_of_nothing_no_share_is_told():
+    told = found(31)
+    assert [change.gain for change in told] == [None] * len(PARAMETERS)
+    assert {row[3] for row in plain_rows(told)} == {""}
 
 
 def test_two_that_changed_are_both_claimed():

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.before_after import compare
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.data.records import dataset
 from orchestration.discrepancy.diagnosis import Verdict
@@ -142,3 +144,18 @@ def test_a_record_to_judge_by_must_have_an_output_of_the_other(actuator):
     other = rig_record(None, "current", "displacement")
     with pytest.raises(UserError, match=r"lab record\.csv: it has none of the outputs of the record, voltage"):
         diagnose(rig_record(None, "current", "voltage"), actuator, other, Options(effects=[]))
+
+
+def test_the_same_record_twice_is_refused_however_it_is_written(actuator):
+    """On another clock, and rounded: noise is never the same."""
+    record, options = rig_record(), Options(effects=[])
+    signals = {n: np.array([float(f"{x:.8g}") for x in v]) for n, v in record.signals.items()}
+    same = replace(record, time=record.time + 100.0, signals=signals, source=Path("same.csv"))
+    told = r"same\.csv: this is the same record as lab record\.csv"
+    with pytest.raises(UserError, match=told):
+        diagnose([record, same], actuator, options=options)
+    with pytest.raises(UserError, match=told):
+        diagnose(record, actuator, same, options)
+    before = diagnose(record, actuator, replace(rig_record(seed=2), source=Path("other.csv")), options)
+    with pytest.raises(UserError, match=told):
+        compare(before, same, options)

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import Options, diagnose
 from orchestration.discrepancy.report import terminal, wording
+from orchestration.discrepancy.report.evidence_table import every_tried
 from orchestration.discrepancy.report.summary import summary
 from orchestration.fmu.model import find_model
 from orchestration.reporting.plain import plain_text
@@ -50,3 +52,26 @@ def test_ratios_out_of_all_reason_are_in_the_headline(actuator):
     headline = wording.headline(diagnose(record, actuator, options=NOTHING))
     assert headline.count("out of all reason: ") == 1
     assert "R1 times " in headline
+
+
+def test_why_an_effect_was_rejected_is_said_on_the_terminal_too(actuator):
+    effects = ["strain_saturation", "quadratic_strain", "strain_lag"]
+    result = diagnose(rig_record("strain_saturation"), actuator, options=Options(effects=effects))
+    rejected = [row for row in every_tried(result.diagnosis) if row.verdict == "rejected"]
+    assert rejected
+    printed = " ".join(plain_text(terminal.overview(result)).split())
+    for row in rejected:
+        assert f"{row.candidate.effect_name} {row.gain:.1f} rejected {row.why}" in printed
+
+
+@pytest.mark.parametrize(("margin", "said"), [(2e-5, False), (-2e-5, False), (12.0, True), (-3.0, True)])
+def test_a_difference_that_is_none_is_not_told_as_one(margin, said):
+    facts = {"course": "linear", "basis": "course", "margin": margin}
+    assert ("BIC" in wording.message(Note(NoteCode.INTERSAMPLE, "current", facts))) is said
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_an_input_that_is_forced_against_its_course_is_in_the_headline(actuator, asked):
+    """The rig holds its inputs between samples."""
+    result = diagnose(rig_record(), actuator, options=Options(effects=[], interpolate=asked))
+    assert ("its course is one of steps" in wording.headline(result)) is asked

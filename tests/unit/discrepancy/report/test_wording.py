@@ -239,6 +239,11 @@ def intersample_open(monkeypatch):
     return diagnose(PpyActuator, data, [], held=PpyActuator.layout.start_parameters).notes
 
 
+@makes(NoteCode.INTERSAMPLE_CONTRADICTED)
+def intersample_contradicted(monkeypatch):
+    return diagnose(PpyActuator, replace(short_record(), linear=True), []).notes
+
+
 @makes(NoteCode.EVEN_CLOCK)
 def even_clock(monkeypatch):
     data = record("chirp", False, 1)
