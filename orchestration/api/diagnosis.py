@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fmus.kit import Component
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
+from orchestration.api.command import diagnosing
 from orchestration.api.proposal import ProposedExperiment
 from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.simulation import values_of
@@ -51,6 +52,8 @@ class DiagnosisResult:
     changes : list of Change, optional
     later : pipeline.Result, optional
         Diagnosis of the later record, in which they were found.
+    command : sequence of str
+        Words of a command that makes the same diagnosis.
 
     Attributes
     ----------
@@ -83,9 +86,10 @@ class DiagnosisResult:
     """
 
     def __init__(
-        self, result: pipeline.Result, changes: Sequence[Change] | None = None, later: pipeline.Result | None = None
-    ):
-        self._result = result
+        self, result: pipeline.Result, changes: Sequence[Change] | None = None, later: pipeline.Result | None = None,
+        command: Sequence[str] = (),
+    ):  # fmt: skip
+        self._result, self._command = result, shlex.join(command)
         self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
         self.changes: list[Change] | None = None if changes is None else list(changes)
         diagnosis = result.diagnosis
@@ -172,7 +176,7 @@ class DiagnosisResult:
         path : str or Path
             An ``.html`` file.
         command : str
-            What made it, for the page; unless given, a command that does the same.
+            What made it, for the page; unless given, a command that makes the same diagnosis.
 
         Raises
         ------
@@ -182,11 +186,8 @@ class DiagnosisResult:
         target = Path(path)
         if target.suffix.lower() not in (".html", ".htm"):
             raise UserError(f"{target}: the name of a report ends in .html")
-        sources = dict.fromkeys(str(record.source) for record in self.records)
-        same = ["ppy", "diagnose", *sources, "--model", self._result.model.name]
-        same += ["--compare", str(self.later.record.source)] if self.later else []
         later = self.later.details if self.later else None
-        page(self._result, command or shlex.join(same), self.changes or (), later).write(target)
+        page(self._result, command or self._command, self.changes or (), later).write(target)
         return target
 
     def fmu(
@@ -297,18 +298,20 @@ def diagnose(
     )  # fmt: skip
     measured, judged = held_out(record, holdout, subject, mapping, runs)
     later = None if compare is None else matching_record(compare, subject, mapping)
+    named = model if isinstance(model, str) else subject.name
+    command = diagnosing(measured, named, judged, later, options, settings, mapping, runs)
     try:
         result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         raise _unusable(measured, error) from error
     if later is None:
-        return DiagnosisResult(result)
+        return DiagnosisResult(result, command=command)
     try:
         compared = before_after.compare(result, later, options, progress)
     except UnusableRecordError as error:
         raise _unusable([later], error) from error
     more = [note for note in compared.notes if note not in result.notes]
-    return DiagnosisResult(replace(result, notes=[*result.notes, *more]), compared.changes, compared.later)
+    return DiagnosisResult(replace(result, notes=[*result.notes, *more]), compared.changes, compared.later, command)
 
 
 def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:
