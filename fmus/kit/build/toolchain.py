@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import importlib.util
 import os
@@ -87,7 +88,19 @@ class Compiler:
     @property
     def version(self) -> str:
         """What tells its libraries from another's."""
-        return f"zig {importlib.metadata.version('ziglang')}" if self.targets else self.command[0]
+        return f"zig {importlib.metadata.version('ziglang')}" if self.targets else _told_version(self.command)
+
+
+@functools.cache
+def _told_version(command: tuple[str, ...]) -> str:
+    """Path of a compiler and what it says of itself: another version may be installed under the same path."""
+    try:
+        done = subprocess.run(
+            [*command, "--version"], capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=10.0
+        )
+    except (OSError, subprocess.SubprocessError):
+        return command[0]
+    return f"{command[0]}: {done.stdout.partition(chr(10))[0]}"
 
 
 def find_compiler(target: str) -> Compiler:

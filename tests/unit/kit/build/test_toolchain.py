@@ -2,6 +2,7 @@ import importlib.util
 import shutil
 import struct
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -158,3 +159,19 @@ def test_darwin_library_is_universal(source, tmp_path):
         assert "nfat_arch 2" in told
         assert "x86_64" in told
         assert "arm64" in told
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the compiler is a shell script here")
+def test_a_compiler_that_was_replaced_makes_other_libraries(tmp_path):
+    told = []
+    for number in (1, 2):
+        compiler = tmp_path / str(number) / "cc"
+        compiler.parent.mkdir()
+        compiler.write_text(f"#!/bin/sh\necho compiler {number}.0\necho more\n", encoding="utf-8")
+        compiler.chmod(0o755)
+        told.append(toolchain.Compiler((str(compiler),)).version)
+    assert told == [f"{tmp_path / str(n) / 'cc'}: compiler {n}.0" for n in (1, 2)]
+    toolchain._told_version.cache_clear()
+    (tmp_path / "1" / "cc").write_text("#!/bin/sh\necho compiler 3.0\n", encoding="utf-8")
+    assert toolchain.Compiler((str(tmp_path / "1" / "cc"),)).version.endswith("compiler 3.0")
+    assert toolchain.Compiler(("/no/such/compiler",)).version == "/no/such/compiler"
