@@ -298,12 +298,12 @@ def diagnose(
     )  # fmt: skip
     measured, judged = held_out(record, holdout, subject, mapping, runs)
     later = None if compare is None else matching_record(compare, subject, mapping)
-    named = model if isinstance(model, str) else subject.name
-    command = diagnosing(measured, named, judged, later, options, settings, mapping, runs)
     try:
         result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         raise _unusable(measured, error) from error
+    named = model if isinstance(model, str) else subject.name
+    command = diagnosing(measured, named, judged, later, options, settings, mapping, runs)
     if later is None:
         return DiagnosisResult(result, command=command)
     try:
