@@ -132,6 +132,13 @@ class Effect(Component):
         Name in the effect catalogue.
     output : str
         The output whose measurement it concerns; empty for effects of the physics.
+    law, signal, shape : str
+        The law it changes, the signal that the change is a function of, and that function, where they are told.
+    family : str
+        What effects have in common that are one cause in several shapes: a law over a signal, what it remembers of
+        one, or an input as it arrives. Empty where there are no others.
+    qualifier : str
+        What tells it from an effect of the same id: the law, or the input, that it concerns.
     neutral : str
         The parameter that switches it: at the default value the component is exactly the one below.
     assumption : int or str
@@ -140,12 +147,18 @@ class Effect(Component):
 
     id: ClassVar[str] = ""
     output: ClassVar[str] = ""
+    law: ClassVar[str] = ""
+    signal: ClassVar[str] = ""
+    shape: ClassVar[str] = ""
+    family: ClassVar[str] = ""
+    qualifier: ClassVar[str] = ""
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
 
 
 def _label(effect: type[Effect]) -> str:
-    return f"{effect.id}_of_{effect.output}" if effect.output else effect.id
+    of = (effect.output or effect.qualifier).replace(", ", "_of_")
+    return f"{effect.id}_of_{of}" if of else effect.id
 
 
 def _joined(parts: list[str]) -> str:

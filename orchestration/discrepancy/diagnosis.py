@@ -290,19 +290,9 @@ def _verdict(
     changed: Sequence[str],
     excused: frozenset[tuple[str, type]],
 ) -> Verdict:
-    if any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
-        return Verdict.UNEXPLAINED
-    # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
-    before, after = selection.base.fit, selection.best.fit
-    noise = {o: power(after.innovation[o]) * n.deviation**2 for o, n in after.noise.items()}
-    small = {
-        o: bool(selection.steps)
-        and power(after.residual[o]) - noise[o] < TOLERATED_STRUCTURE * (power(before.residual[o]) - noise[o])
-        for o in residuals
-    }
-    left = [o for o, analysis in residuals.items() for s in analysis.structure if (o, type(s)) not in excused]
-    if not all(small[o] for o in left):
-        return Verdict.UNEXPLAINED
     if selection.steps:
         return Verdict.AMBIGUOUS if any(step.alternatives for step in selection.strong) else Verdict.CAUSE
+    left = [s for o, analysis in residuals.items() for s in analysis.structure if (o, type(s)) not in excused]
+    if left or any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
+        return Verdict.UNEXPLAINED
     return Verdict.RECALIBRATE if changed else Verdict.CONSISTENT

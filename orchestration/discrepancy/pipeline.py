@@ -13,6 +13,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label, own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.candidates.typical import typical
 from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, joined_dataset, labels
@@ -22,8 +23,8 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
+from orchestration.fmu.effects import physics
 from orchestration.fmu.model import Model
-from orchestration.fmu.model import catalogue as known_effects
 from orchestration.records import Record
 from orchestration.records.joined import base_name
 
@@ -158,8 +159,8 @@ def diagnose(
     if judged is not None and not judged.measured:
         outputs = ", ".join(data.measured)
         raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
-    effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
     fixed, budget = _parameters_given(chosen, model), _budget(chosen, data)
+    effects = _considered(_known(model.cls, data, fixed), chosen.effects)
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
     absent = [_absent(model, one, chosen.given) for one in (*records, *holdouts)]
     notes = [*(note for k, some in enumerate(absent) for note in some if some not in absent[:k]), *diagnosis.notes]
@@ -306,6 +307,11 @@ def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[No
         for n, signal in model.inputs.items()
         if signal.type == "real" and n not in record.signals and n not in given
     ]
+
+
+def _known(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> list[type[Effect]]:
+    """Effects that can be asked of the record, those that fit the model's laws among them."""
+    return catalogue(cls, physics(cls, typical(cls, data, fixed)), data.measured)
 
 
 def _considered(known: Sequence[type[Effect]], wanted: Sequence[str] | None) -> list[type[Effect]]:

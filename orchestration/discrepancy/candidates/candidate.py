@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fmus.kit import Component, Effect, stack
+from fmus.kit.build.provenance import effect_name as label
 from fmus.kit.sensors import measurement_effects
 
 
@@ -41,25 +42,20 @@ class Candidate:
         return Candidate((*self.effects, effect), stack(self.cls, effect), self.starts)
 
 
-def label(effect: type[Effect]) -> str:
-    """Id of an effect; of a measurement with its output."""
-    return f"{effect.id}({effect.output})" if effect.output else effect.id
-
-
 def own_parameters(effect: type[Effect]) -> list[str]:
     """Real parameters that an effect declares, its switch first."""
     names = [p.name for p in effect.layout.parameters if p.type == "real" and not p.starts]
     return sorted(names, key=lambda name: name != effect.neutral)
 
 
-def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]) -> list[type[Effect]]:
+def catalogue(cls: type[Component], physics: Iterable[type[Effect]], measured: Iterable[str]) -> list[type[Effect]]:
     """Every effect that a record with these outputs can speak of, but those that are laid over already.
 
     Parameters
     ----------
     cls : type[Component]
-    physics : Mapping of str to type[Effect]
-        The component's own effects by id.
+    physics : iterable of type[Effect]
+        Those of the component's laws.
     measured : iterable of str
         Outputs in the record.
 
@@ -68,5 +64,5 @@ def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measure
     list of type[Effect]
     """
     wanted, there = set(measured), {label(effect) for effect in vars(cls).get("stacked", (cls, ()))[1]}
-    known = [*physics.values(), *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
+    known = [*physics, *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
     return [effect for effect in known if label(effect) not in there]
