@@ -118,7 +118,7 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
         data = dataset(read_record(Path(folder) / "record.csv", model), model, {})
     began = clock.perf_counter()
     # what follows in the pipeline, an FMU and an experiment, names nothing
-    diagnosis = diagnose(model.cls, data, catalogue(model.cls, known_effects(model.cls).values(), data.measured))
+    diagnosis = diagnose(model.cls, data, catalogue(model.cls, known_effects(model.cls), data.measured))
     took = clock.perf_counter() - began
     first = diagnosis.validation.first
     best = {o: normalised_rms(y[first:], drawn.truth.outputs[o][first:]) for o, y in data.measured.items()}

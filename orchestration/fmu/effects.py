@@ -46,26 +46,7 @@ def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
 
     if cls.engine is not None:
         return {}
-    return {effect_name(effect): effect for effect in (*physics(cls), *measurement_effects(cls))}
-
-
-def physics(cls: type[Component], scales: Mapping[str, float] | None = None) -> list[type[Effect]]:
-    """Effects of the physics: a component's own, and for a user's model those that fit its laws by their units.
-
-    Parameters
-    ----------
-    cls : type[Component]
-    scales : Mapping of str to float, optional
-        Typical magnitudes of signals and laws, SI.
-    """
-    from fmus import MODELS, component
-    from fmus.kit.symbolic.families import families_for
-
-    base, own = vars(cls).get("stacked", (cls, ()))[0], list(catalogue(cls).values())
-    if base.name in MODELS and component(base.name) is base:
-        return own  # what is known of ours is listed
-    known = {(effect.law, effect.signal, effect.shape) for effect in own}
-    return own + [e for e in families_for(base, scales) if (e.law, e.signal, e.shape) not in known]
+    return {effect_name(effect): effect for effect in (*catalogue(cls).values(), *measurement_effects(cls))}
 
 
 def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[type[Effect]]:

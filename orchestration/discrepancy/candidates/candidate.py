@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fmus.kit import Component, Effect, stack
@@ -48,14 +48,14 @@ def own_parameters(effect: type[Effect]) -> list[str]:
     return sorted(names, key=lambda name: name != effect.neutral)
 
 
-def catalogue(cls: type[Component], physics: Iterable[type[Effect]], measured: Iterable[str]) -> list[type[Effect]]:
+def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]) -> list[type[Effect]]:
     """Every effect that a record with these outputs can speak of, but those that are laid over already.
 
     Parameters
     ----------
     cls : type[Component]
-    physics : iterable of type[Effect]
-        Those of the component's laws.
+    physics : Mapping of str to type[Effect]
+        The component's own effects by id.
     measured : iterable of str
         Outputs in the record.
 
@@ -64,5 +64,5 @@ def catalogue(cls: type[Component], physics: Iterable[type[Effect]], measured: I
     list of type[Effect]
     """
     wanted, there = set(measured), {label(effect) for effect in vars(cls).get("stacked", (cls, ()))[1]}
-    known = [*physics, *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
+    known = [*physics.values(), *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
     return [effect for effect in known if label(effect) not in there]

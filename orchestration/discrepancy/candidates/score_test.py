@@ -24,7 +24,6 @@ from orchestration.identify.problem import Problem
 Array = NDArray[np.float64]
 GRID = (0.2, 0.45, 1.0, 2.2, 5.0)  # times the default of a second parameter
 COARSE = (0.2, 1.0, 5.0)  # of two of them
-_TIMES = 9  # time constants, from a sample to the record's length
 SWITCHED = (1.0, 4.0, 16.0)  # times the nominal value of a switch, where differences are taken
 _DELAYS = 16  # looked at: a delay shows a step of an input another sample later, which is no smooth function of it
 _TRUST = 1.0 / 3.0, 3.0  # times the difference that an effect may be for it to tell of it
@@ -70,7 +69,7 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
     here = problem.scales[at].position(neutral)
     bounds = low - here, high - here
     directions = []
-    for second in _grid(others, declared, problem.time):
+    for second in _grid(others, declared):
         base, slopes = problem.evaluate(problem.position(problem.start | second))
         local = {output: slope[:, at].astype(np.float32) for output, slope in slopes.items()}
         if any(column.any() for column in local.values()):
@@ -99,19 +98,13 @@ def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
     return sorted({float(min(switch.start + factor * switch.nominal, switch.max)) for factor in SWITCHED})
 
 
-def _grid(names: Sequence[str], declared: Mapping[str, Any], time: Array) -> list[dict[str, float]]:
-    """Points of the second parameters: time constants wherever the record may tell them, others about their default."""
+def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:
+    """Points of the second parameters: each at some multiples of its default."""
     factors = GRID if len(names) < 2 else COARSE
-    choices = []
-    for name in names:
-        of = declared[name]
-        if of.unit == "s":
-            tried = np.geomspace(
-                np.median(np.diff(time)), time[-1] - time[0], _TIMES if len(names) < 2 else len(COARSE)
-            )
-        else:
-            tried = of.start * np.array(factors)
-        choices.append(sorted({float(value) for value in np.clip(tried, of.min, of.max)}))
+    choices = [
+        sorted({float(np.clip(declared[n].start * factor, declared[n].min, declared[n].max)) for factor in factors})
+        for n in names
+    ]
     return [dict(zip(names, point, strict=True)) for point in product(*choices)]
 
 
