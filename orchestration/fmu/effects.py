@@ -35,7 +35,10 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
         return effects(base.name)
     module = sys.modules[base.__module__]
     listed = getattr(module, "EFFECTS", {})
-    if not (isinstance(listed, Mapping) and all(is_subclass(e, Effect) and e.id == n for n, e in listed.items())):
+    named = isinstance(listed, Mapping) and all(
+        is_subclass(effect, Effect) and name in (effect.id, effect_name(effect)) for name, effect in listed.items()
+    )
+    if not named:
         raise UserError(f"{module.__file__}: EFFECTS must be a dictionary from id to effect class")
     return dict(listed)
 

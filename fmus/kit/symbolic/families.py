@@ -18,6 +18,11 @@ from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_EFFECTS
 from fmus.kit.symbolic.trace import trace
 
+# Derived units that people write, the first of those of one dimension.
+_WRITTEN = (
+    "1", "N", "N*m", "V", "A", "W", "Pa", "ohm", "F", "C", "N/m", "N*s/m", "m", "m/s", "m/s^2", "rad", "rad/s",
+    "rad/s^2", "A/s", "V/s", "N/s", "Pa/s", "K", "K/s", "kg", "kg/s", "m^3/s", "s", "1/s",
+)  # fmt: skip
 _TIME = 1.0  # s, where a search for a time constant starts if nothing is known of the record
 
 
@@ -164,6 +169,11 @@ def _alike(one: str, other: str) -> bool:
     return bool(one) and units.base_unit(one).exponents == units.base_unit(other).exponents
 
 
+def _written(unit: str) -> str:
+    """A unit in base units, as people write it if they do."""
+    return next((known for known in _WRITTEN if _alike(known, unit)), unit)
+
+
 def _reads(cls: type[Component], names: list[str], signals: set[str]) -> dict[str, set[str]]:
     """Which signals every law reads by itself, by the name of the law, as it is called."""
     calls: list[str] = []
@@ -209,7 +219,7 @@ def _units(cls: type[Component], laws: list[str]) -> dict[str, str]:
     for law in laws:
         try:
             value = getattr(one, law)()
-            found[law] = f"{value.to_base_units().units:~C}".replace("**", "^") or "1"
+            found[law] = _written(f"{value.to_base_units().units:~C}".replace("**", "^") or "1")
         except Exception:  # whatever a law does to a number that has a unit, it is not told then
             continue
     return found
