@@ -19,7 +19,7 @@ from .functions import absolute, exp, maximum, minimum, sqrt, tanh
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
 _STEEPEST = 30.0  # exponent beyond which an exponential is cut off: ten million million times its unit
-_ROUND = 1e-3  # of the typical signal, below which a square root is straight
+_ROUND = 1e-6  # of the nominal signal, below which a square root is straight
 _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical size
 
 
@@ -30,7 +30,7 @@ class Shape:
     Attributes
     ----------
     form : callable
-        Of the signal, its width ``w`` and its typical size.
+        Of the signal, its width ``w`` and its nominal value.
     power : float
         Of the signal in the unit that ``a`` is divided by; 0 where ``f`` has no unit.
     width : float
@@ -113,7 +113,7 @@ def curve(
 
     def more(self: Any) -> Any:
         x = getattr(self, signal)
-        return getattr(self, amount) * chosen.form(x, getattr(self, width) if chosen.width else 1.0, size)
+        return getattr(self, amount) * chosen.form(x, getattr(self, width) if chosen.width else 1.0, of.nominal)
 
     members: dict[str, Any] = {
         "assumption": f"{law} has no part {chosen.text} of {signal}",

@@ -52,6 +52,24 @@ def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
     return {effect_name(effect): effect for effect in (*catalogue(cls).values(), *measurement_effects(cls))}
 
 
+def families(cls: type[Component], scales: Mapping[str, float] | None = None) -> dict[str, type[Effect]]:
+    """Effects that fit a component's laws by their units, by name, but those that its own catalogue has.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    scales : Mapping of str to float, optional
+        Typical magnitudes of signals and laws, SI, from which searches begin; nominal values otherwise.
+    """
+    from fmus.kit.symbolic.families import families_for
+
+    if cls.engine is not None:
+        return {}
+    own = {(effect.law, effect.signal, effect.shape) for effect in catalogue(cls).values()}
+    base = vars(cls).get("stacked", (cls, ()))[0]
+    return {effect_name(e): e for e in families_for(base, scales) if (e.law, e.signal, e.shape) not in own}
+
+
 def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[type[Effect]]:
     """Effects of a component by their names.
 
@@ -73,6 +91,8 @@ def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[ty
     if not names:
         return []
     known = known_effects(cls)
+    if any(name not in known for name in names):
+        known = families(cls) | known
     for name in names:
         if name not in known:
             outputs = list(dict.fromkeys(e.output for e in known.values() if e.output))

@@ -189,7 +189,7 @@ def follows(effect, values, rates, states=2):
 @pytest.mark.parametrize("shape", sorted(SHAPES))
 @pytest.mark.parametrize("law", [SPRING, DAMPER])
 def test_a_curve_in_a_law_is_what_its_formula_says(law, shape):
-    effect = curve(MASS, *law, shape, "N", scale=1e-3 if shape == "square_root" else 1.0)
+    effect = curve(MASS, *law, shape, "N")
     amount = A if law is SPRING else LITTLE * A
     values = {f"{law[0]}_{shape}": amount} | ({f"{law[0]}_{shape}_width": W} if SHAPES[shape].width else {})
     follows(effect, values, static(lambda x: amount * BY_HAND[shape](x), 0 if law is SPRING else 1))
