@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from .component import Component, Effect
+from .component import Component, Effect, Term
 from .curves import added, coefficient, per, variable
 from .declare import Parameter, State
 from .errors import UserError, suggestion
@@ -90,10 +90,7 @@ def arm(
     constant_unit = f"({of.unit})*s" if slides else "s"
     return added(arm, component, (law, signal, kind, constant, unit, nominal, scale, id, names, qualifier), more, {
         "id": id or kind,
-        "signal": signal,
-        "shape": text,
-        "family": f"{law} remembering {signal}",
-        "qualifier": qualifier,
+        "term": Term(law, signal, text, f"{law} remembering {signal}", qualifier),
         "assumption": f"{law} remembers nothing of {signal}",
         amount: coefficient(switch_unit, switch_size, f"part of {law} that remembers {signal} (a)", least=least),
         time: Parameter(

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect
+from .component import Component, Effect, Term
 from .declare import Declaration, Parameter
 from .errors import UserError, suggestion
 from .functions import absolute, exp, maximum, minimum, sqrt, tanh
@@ -109,7 +109,6 @@ def curve(
     amount, width = (
         f"{law}_{end}" for end in ((*suffixes, "") if len(suffixes) == 1 else suffixes or (shape, f"{shape}_width"))
     )
-    known = getattr(of, "unit", "1")
 
     def more(self: Any) -> Any:
         x = getattr(self, signal)
@@ -118,7 +117,7 @@ def curve(
     members: dict[str, Any] = {
         "assumption": f"{law} has no part {chosen.text} of {signal}",
         amount: coefficient(
-            per(unit, known, chosen.power), nominal / size**chosen.power,
+            per(unit, of.unit, chosen.power), nominal / size**chosen.power,
             f"part {chosen.text} of {law}, x being {signal} (a)", least=chosen.least,
         ),
     }  # fmt: skip
@@ -127,16 +126,10 @@ def curve(
         # a stop may be anywhere; a width is none at zero
         least = -ANY * size if chosen.power else 1e-9 * size
         members[width] = Parameter(
-            begin, known, min=least, max=1e3 * size, nominal=begin, doc=f"{signal} at which {law} bends (w)"
+            begin, of.unit, min=least, max=1e3 * size, nominal=begin, doc=f"{signal} at which {law} bends (w)"
         )
     given = (law, signal, shape, unit, nominal, scale, id, suffixes, qualifier)
-    about = {
-        "id": id or shape,
-        "signal": signal,
-        "shape": chosen.text,
-        "qualifier": qualifier,
-        "family": f"{law} over {signal}",
-    }
+    about = {"id": id or shape, "term": Term(law, signal, chosen.text, f"{law} over {signal}", qualifier)}
     return added(curve, component, given, more, members | about)
 
 
@@ -175,7 +168,7 @@ def added(
 
     about = {
         "id": make.__name__,
-        "law": law,
+        "term": Term(law),
         "neutral": next(name for name, value in members.items() if isinstance(value, Declaration)),
         "made_by": make,
         "made_with": arguments,

@@ -12,7 +12,7 @@ units; a law declares none, so its unit is an argument here.
 from __future__ import annotations
 
 from .arms import arm
-from .component import Component, Effect
+from .component import Component, Effect, Term
 from .curves import added, coefficient, curve
 
 
@@ -103,7 +103,7 @@ def force_offset(component: type[Component], law: str, unit: str = "N", nominal:
     offset = f"{law}_offset"
     return added(force_offset, component, (law, unit, nominal), lambda self: getattr(self, offset), {
         "assumption": "nothing pushes at rest",
-        "shape": "a",
+        "term": Term(law, "", "a"),
         offset: coefficient(unit, nominal, f"constant part of {law}"),
     })  # fmt: skip
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from .component import Component, Effect
+from .component import Component, Effect, Term
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, sqrt
@@ -55,10 +55,7 @@ def _feeding(
         members[follows[0]] = lambda self: follows[1](self, passed.below(self))
     effect: type[Effect] = type(f"{make.__name__}_of_{name}".title().replace("_", ""), (Effect,), {
         "id": make.__name__,
-        "qualifier": name,
-        "signal": name,
-        "shape": text,
-        "family": f"{name} as it arrives",
+        "term": Term("", name, text, f"{name} as it arrives", name),
         "assumption": f"{name} arrives as it is commanded",
         "neutral": next(n for n, value in members.items() if isinstance(value, Declaration)),
         "made_by": make,

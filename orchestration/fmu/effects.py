@@ -65,9 +65,13 @@ def families(cls: type[Component], scales: Mapping[str, float] | None = None) ->
 
     if cls.engine is not None:
         return {}
-    own = {(effect.law, effect.signal, effect.shape) for effect in catalogue(cls).values()}
+    own = {_what(effect) for effect in catalogue(cls).values()}
     base = vars(cls).get("stacked", (cls, ()))[0]
-    return {effect_name(e): e for e in families_for(base, scales) if (e.law, e.signal, e.shape) not in own}
+    return {effect_name(e): e for e in families_for(base, scales) if _what(e) not in own}
+
+
+def _what(effect: type[Effect]) -> tuple[str, ...]:
+    return effect.term.law, effect.term.signal, effect.term.shape
 
 
 def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[type[Effect]]:

@@ -58,7 +58,7 @@ class Provenance:
 
 def effect_name(effect: type[Effect]) -> str:
     """Id of an effect, with what it is of where there may be several: ``sensor_lag(voltage)``, ``cubic(drop)``."""
-    of = effect.output or effect.qualifier
+    of = effect.output or effect.term.qualifier
     return f"{effect.id}({of})" if of else effect.id
 
 

@@ -167,7 +167,7 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
 
 def _interchangeable(one: type[Effect], other: type[Effect]) -> bool:
     """Whether they are one cause in two shapes, such as the second and the third element of a chain."""
-    return one is other or (bool(one.family) and one.family == other.family)
+    return one is other or (bool(one.term.family) and one.term.family == other.term.family)
 
 
 def _distance(one: FittedCandidate, other: FittedCandidate) -> float:
