@@ -160,8 +160,9 @@ def diagnose(
     if judged is not None and not judged.measured:
         outputs = ", ".join(data.measured)
         raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
-    fixed, budget = parameters_given(chosen, model), budget_of(chosen, data)
+    fixed = parameters_given(chosen, model)
     effects = _considered(model.cls, data, fixed, chosen.effects)
+    budget = budget_of(chosen, data)
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
     notes = [*absent_inputs(model, (*records, *holdouts), chosen.given), *diagnosis.notes]
     component = gain = experiment = None
