@@ -71,6 +71,7 @@ def written(result):
     return figures | {
         "runs": [RunError("a", True, 300, {"voltage": 0.1}).to_dict()],
         "comparison": json.loads(json.dumps([change.to_dict()])),
+        "later": "as this one",
     }
 
 
