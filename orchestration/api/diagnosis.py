@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fmus.kit import Component, files
+from fmus.kit import Component
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
+from orchestration.api.proposal import ProposedExperiment
 from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.simulation import values_of
-from orchestration.discrepancy import pipeline
+from orchestration.discrepancy import before_after, pipeline
 from orchestration.discrepancy.changes import Change
-from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.extended_model import export
 from orchestration.discrepancy.note import UnusableRecordError
@@ -42,44 +42,6 @@ class Gain(NamedTuple):
     after: dict[str, float]
 
 
-@dataclass(frozen=True)
-class ProposedExperiment:
-    """The experiment that would tell more.
-
-    Attributes
-    ----------
-    design : DiscriminatingExperiment
-        Stimuli by input, duration, step and the evidence to expect.
-    component : str
-        That it is made on.
-    """
-
-    design: DiscriminatingExperiment
-    component: str
-
-    def __str__(self) -> str:
-        return wording.experiment(self.design)
-
-    def __repr__(self) -> str:
-        kinds = ", ".join(f"{name}: {stimulus.kind}" for name, stimulus in self.design.stimuli.items())
-        return f"<ProposedExperiment {kinds}; {self.design.duration:g} s>"
-
-    def toml(self) -> str:
-        """Return it as ``ppy run`` reads it."""
-        return self.design.toml(self.component, str(self))
-
-    def to_toml(self, path: str | Path) -> Path:
-        """Write it for ``ppy run``.
-
-        Raises
-        ------
-        UserError
-            If it cannot be written.
-        """
-        files.write(Path(path), self.toml().encode())
-        return Path(path)
-
-
 class DiagnosisResult:
     """What a model gets wrong on a record, and what follows from it.
 
@@ -87,8 +49,8 @@ class DiagnosisResult:
     ----------
     result : pipeline.Result
     changes : list of Change, optional
-    later : Record, optional
-        In which they were found.
+    later : pipeline.Result, optional
+        Diagnosis of the later record, in which they were found.
 
     Attributes
     ----------
@@ -116,10 +78,15 @@ class DiagnosisResult:
         What could not be judged, and why.
     changes : list of Change or None
         What changed in a later record, where one was given.
+    later : DiagnosisResult or None
+        What the model gets wrong on that record.
     """
 
-    def __init__(self, result: pipeline.Result, changes: Sequence[Change] | None = None, later: Record | None = None):
-        self._result, self._later = result, later
+    def __init__(
+        self, result: pipeline.Result, changes: Sequence[Change] | None = None, later: pipeline.Result | None = None
+    ):
+        self._result = result
+        self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
         self.changes: list[Change] | None = None if changes is None else list(changes)
         diagnosis = result.diagnosis
         errors = result.gain or diagnosis
@@ -148,8 +115,8 @@ class DiagnosisResult:
     def overview(self) -> list[RenderableType]:
         """What ``ppy diagnose`` prints."""
         parts: list[RenderableType] = [terminal.overview(self._result)]
-        if self.changes is not None:
-            parts.append(terminal.comparison(self.changes))
+        if self.changes is not None and self.later is not None:
+            parts.append(terminal.comparison(self.changes, self.later.details))
         return parts
 
     def __repr__(self) -> str:
@@ -161,8 +128,10 @@ class DiagnosisResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
-        more = {} if self.changes is None else {"comparison": [change.to_dict() for change in self.changes]}
-        return summary(self._result) | more
+        figures = summary(self._result)
+        if self.changes is not None and self.later is not None:
+            figures |= {"comparison": [change.to_dict() for change in self.changes], "later": self.later.to_dict()}
+        return figures
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table, a row for each.
@@ -215,8 +184,9 @@ class DiagnosisResult:
             raise UserError(f"{target}: the name of a report ends in .html")
         sources = dict.fromkeys(str(record.source) for record in self.records)
         same = ["ppy", "diagnose", *sources, "--model", self._result.model.name]
-        same += ["--compare", str(self._later.source)] if self._later else []
-        page(self._result, command or shlex.join(same), self.changes or (), self._later).write(target)
+        same += ["--compare", str(self.later.record.source)] if self.later else []
+        later = self.later.details if self.later else None
+        page(self._result, command or shlex.join(same), self.changes or (), later).write(target)
         return target
 
     def fmu(
@@ -334,11 +304,11 @@ def diagnose(
     if later is None:
         return DiagnosisResult(result)
     try:
-        found, notes = pipeline.compare(result, later, options, progress)
+        compared = before_after.compare(result, later, options, progress)
     except UnusableRecordError as error:
         raise _unusable([later], error) from error
-    more = [note for note in notes if note not in result.notes]
-    return DiagnosisResult(replace(result, notes=[*result.notes, *more]), found, later)
+    more = [note for note in compared.notes if note not in result.notes]
+    return DiagnosisResult(replace(result, notes=[*result.notes, *more]), compared.changes, compared.later)
 
 
 def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:

@@ -26,6 +26,7 @@ from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
+from orchestration.discrepancy.validation.following import not_followed
 from orchestration.discrepancy.validation.prediction import Prediction, validated
 from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
@@ -199,6 +200,7 @@ def diagnose(
     residuals = analyse_residuals(selection.best, estimation)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
     errors = errors_side_by_side(predictions, validation)
+    astray = not_followed(validation, predictions[-1])
     notes = [
         *_excitation_notes([*parts.notes, *by_clock], estimation, excited, starts),
         *intersample.remarks(chosen),
@@ -210,12 +212,13 @@ def diagnose(
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
         *_remarks(selection, residuals),
+        *astray,
         *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
         *search.budget.notes,
     ]
-    verdict = Verdict.UNEXPLAINED if odd else _verdict(selection, residuals, changed, excused)
-    if inconclusive:
-        verdict = Verdict.AMBIGUOUS
+    # a cause that was named made what was held out likelier, and is not taken back
+    amiss = bool(odd) or (bool(astray) and not selection.steps)
+    verdict = Verdict.AMBIGUOUS if inconclusive else _verdict(selection, residuals, changed, excused, amiss)
     return Diagnosis(
         verdict, selection, values, changed, residuals, *errors, estimation, validation, final, notes,
         chosen, excused,
@@ -289,8 +292,9 @@ def _verdict(
     residuals: Mapping[str, ResidualAnalysis],
     changed: Sequence[str],
     excused: frozenset[tuple[str, type]],
+    amiss: bool,
 ) -> Verdict:
-    if any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
+    if amiss or any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
         return Verdict.UNEXPLAINED
     # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
     before, after = selection.base.fit, selection.best.fit

@@ -52,6 +52,8 @@ class NoteCode(StrEnum):
     OUTLYING_RESIDUALS = "outlying_residuals"
     VARYING_NOISE = "varying_noise"
     FEEDBACK = "feedback"
+    NOT_FOLLOWED = "not_followed"
+    END_NOT_FOLLOWED = "end_not_followed"
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"

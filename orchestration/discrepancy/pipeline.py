@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,9 +11,7 @@ from fmus.kit import Component, Effect
 from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
-from orchestration.discrepancy.candidates.candidate import catalogue, label, own_parameters
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
+from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, joined_dataset, labels
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
@@ -21,11 +19,10 @@ from orchestration.discrepancy.design.stimuli import Limits
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
-from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
+from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.fmu.model import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.records import Record
-from orchestration.records.joined import base_name
 
 
 @dataclass(frozen=True)
@@ -159,10 +156,9 @@ def diagnose(
         outputs = ", ".join(data.measured)
         raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
     effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
-    fixed, budget = _parameters_given(chosen, model), _budget(chosen, data)
+    fixed, budget = parameters_given(chosen, model), budget_of(chosen, data)
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
-    absent = [_absent(model, one, chosen.given) for one in (*records, *holdouts)]
-    notes = [*(note for k, some in enumerate(absent) for note in some if some not in absent[:k]), *diagnosis.notes]
+    notes = [*absent_inputs(model, (*records, *holdouts), chosen.given), *diagnosis.notes]
     component = gain = experiment = None
     if not diagnosis.inconclusive:
         progress("running the extended FMU over the validation data")
@@ -180,84 +176,12 @@ def diagnose(
     return Result(records, holdouts, model, effects, diagnosis, component, gain, experiment, notes)
 
 
-def compare(
-    result: Result, after: Record, options: Options | None = None, progress: Callable[[str], None] = lambda text: None
-) -> tuple[list[Change], list[Note]]:
-    """Tell which parameters of a diagnosed model, those of its effects too, are others in a later record.
-
-    Parameters
-    ----------
-    result : Result
-        Of the record before.
-    after : Record
-    options : Options, optional
-        That the diagnosis was made with.
-    progress : callable
-
-    Returns
-    -------
-    changes : list of Change
-    notes : list of Note
-        On time that was spent, if any was.
-
-    Raises
-    ------
-    UserError
-        If the later record cannot be used.
-    """
-    chosen, cls = options or Options(), result.diagnosis.selection.base.candidate.cls
-    part = dataset(after, result.model, chosen.given, chosen.interpolate).only(result.diagnosis.estimation.measured)
-    part = replace(part, linear=result.diagnosis.estimation.linear)
-    if missing := [o for o in result.diagnosis.estimation.measured if o not in part.measured]:
-        raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(missing)}")
-    progress(f"diagnosing {after.source.name}")
-    given, budget = _parameters_given(chosen, result.model), _budget(chosen, part)
-    try:
-        later = _diagnose(cls, part, result.effects, given, progress, held=chosen.hold, budget=budget)
-    except UnusableRecordError:
-        raise
-    except UserError as error:
-        raise UserError(f"{after.source.name}: {error}") from error
-    data = Dataset.joined({**_usable(result.diagnosis, BEFORE), **_usable(later, AFTER)})
-    best, there = _explaining(result.diagnosis), _explaining(later)
-    candidate, values, parameters = best.candidate, dict[str, float](), [*map(base_name, best.problem.names)]
-    for effect in there.candidate.effects:
-        if effect not in candidate.effects:
-            candidate = candidate.with_effect(effect)
-            values |= {n: there.fit.values[n] for n in own_parameters(effect)}
-            parameters.append(effect.neutral)
-    values |= best.problem.start | best.fit.values
-    own = {*candidate.cls.layout.start_parameters, *chosen.each}
-    common, single = ([n for n in dict.fromkeys(parameters) if (n in own) is which] for which in (False, True))
-    enough = _budget(chosen, data)
-    found = changes(candidate, data, common, single, values, progress, enough)
-    if enough.notes or later.inconclusive or result.diagnosis.inconclusive:  # what could not be asked is not denied
-        found = [replace(one, uncertain=not one.changed) for one in found]
-    return found, [*budget.notes, *enough.notes]
-
-
-def _usable(diagnosis: Diagnosis, label: str) -> dict[str, Dataset]:
-    """The records of a diagnosis, less what could not be trusted."""
-    problem = diagnosis.final.problem
-    several = problem.runs if len(problem.runs) > 1 else ()
-    whole = Dataset(problem.time, problem.inputs, problem.measured, diagnosis.estimation.linear, several)
-    return whole.apart() if several else {label: whole}
-
-
-def _explaining(diagnosis: Diagnosis) -> FittedCandidate:
-    """The model that explains a record: with the effects that were named if nothing else is wrong.
-
-    Where something remains, what was named may stand in for it, and would bend the parameters.
-    """
-    explained = diagnosis.verdict is not Verdict.UNEXPLAINED
-    return diagnosis.selection.best if explained else diagnosis.selection.base
-
-
-def _parameters_given(options: Options, model: Model) -> dict[str, float]:
+def parameters_given(options: Options, model: Model) -> dict[str, float]:
+    """Values of parameters among what was given, SI."""
     return {n: value for n, value in options.given.items() if n in model.parameters}
 
 
-def _budget(options: Options, *data: Dataset) -> Budget:
+def budget_of(options: Options, *data: Dataset) -> Budget:
     """Time for one search over records."""
     return Budget(default_time(sum(one.time.size for one in data)) if options.time is None else options.time)
 
@@ -297,6 +221,12 @@ def _data(
         return data, None
     others = joined_dataset({label: named[label] for label in judged}, model, given, interpolate)
     return data, others.only(data.measured)
+
+
+def absent_inputs(model: Model, records: Sequence[Record], given: Mapping[str, float]) -> list[Note]:
+    """Inputs that are neither in records nor given, each of them once for every file."""
+    absent = [_absent(model, record, given) for record in records]
+    return [note for k, some in enumerate(absent) for note in some if some not in absent[:k]]
 
 
 def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[Note]:

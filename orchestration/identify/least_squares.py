@@ -1,6 +1,7 @@
 """Nonlinear least squares within bounds: SciPy's trust-region reflective method, stepping back where a model fails.
 
-Sources: Branch, Coleman and Li, *SIAM Journal on Scientific Computing* 21 (1999); docs/decisions/0014-one-fit.md.
+Sources: Branch, Coleman and Li, *SIAM Journal on Scientific Computing* 21 (1999); Bates and Watts, *Technometrics* 23
+(1981); docs/decisions/0014-one-fit.md.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from scipy.optimize import least_squares
 from fmus.kit.errors import UserError
 
 Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
 _NOWHERE = 1e-9  # from the best point, in searched coordinates, where a step back ends
 _ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
+_UNDETERMINED = 1e-10  # of the largest singular value, below which a direction is not one that a step takes
 
 
 class SearchEndedError(UserError):
@@ -39,8 +42,8 @@ class Minimum(NamedTuple):
 
 
 def minimise(
-    residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], q: Array, low: Array, high: Array,
-    tolerance: float = 1e-6, trials: int = 200,
+    residual: Function, jacobian: Function, q: Array, low: Array, high: Array, tolerance: float = 1e-6,
+    trials: int = 200,
 ) -> Minimum:  # fmt: skip
     """Minimise a sum of squared residuals within bounds.
 
@@ -50,7 +53,8 @@ def minimise(
         Residuals (m,) and their Jacobian (m, p) at a point. From a point where a residual is not finite, or raises a
         UserError, the search steps back; at a SearchEndedError it ends with the best point so far.
     q, low, high : ndarray, shape (p,)
-        Starting point and bounds; a coordinate whose bounds are equal stays there.
+        Starting point and bounds; a coordinate whose bounds are equal stays there. A step of one should be a large one
+        in every coordinate.
     tolerance : float
         Fall of the cost, relative to it, that ends the search.
     trials : int
@@ -65,50 +69,102 @@ def minimise(
     UserError
         If the residual raises it, or is not finite, where the search starts.
     """
-    q = np.clip(q, low, high)
-    free = low < high
-    begin = residual(q)
-    if not np.isfinite(begin).all():
-        raise UserError("the simulation is not finite where the search starts")
-    if not free.any():
-        return Minimum(q, True)
+    search = _Search(residual, jacobian, np.clip(q, low, high), low < high)
+    fallen = np.inf
+    # A trust region that has become small makes steps that gain little. Begun anew, it is as large as at first.
+    while search.free.any() and search.least > 0.0 and fallen > tolerance * search.least:
+        before = search.least
+        try:
+            converged, promised = search.run(low, high, tolerance, trials)
+        except SearchEndedError:
+            return Minimum(search.best, False)
+        if not converged:
+            return Minimum(search.best, False)
+        fallen = before - search.least if promised > tolerance * search.least else 0.0
+    return Minimum(search.best, True)
 
-    def at(moved: Array) -> Array:
-        point = q.copy()
-        point[free] = moved
-        return point
 
-    best, least, started = q, float(begin @ begin), False
+class _Search:
+    """Points that were tried, and the best of them.
 
-    def finite(moved: Array) -> Array:
-        nonlocal best, least, started
-        if not started:  # it is known, even if there is no time for any other
-            started = True
+    Parameters
+    ----------
+    residual, jacobian, q
+        See `minimise`.
+    free : ndarray of bool, shape (p,)
+        Coordinates that are searched.
+    """
+
+    def __init__(self, residual: Function, jacobian: Function, q: Array, free: NDArray[np.bool_]):
+        self._residual, self._jacobian, self.free = residual, jacobian, free
+        self.best, self._rows, self._tried = q, residual(q), 0
+        if not np.isfinite(self._rows).all():
+            raise UserError("the simulation is not finite where the search starts")
+
+    @property
+    def least(self) -> float:
+        """The cost at the best point."""
+        return float(self._rows @ self._rows)
+
+    def run(self, low: Array, high: Array, tolerance: float, trials: int) -> tuple[bool, float]:
+        """Search from the best point until steps gain no more; return whether they did, and what is promised yet.
+
+        Coordinates are searched in steps from the best point: one is a large step, or what changes the simulation by as
+        much as it is wrong, if that is less. They begin at a distance of one from their origin, because that is how far
+        SciPy's first step may go.
+        """
+        origin, begin, free = self.best, self._rows, self.free
+        effect, wrong = np.linalg.norm(self._jacobian(origin)[:, free], axis=0), np.sqrt(self.least)
+        size, start = wrong / np.maximum(effect, wrong), np.full(int(free.sum()), free.sum() ** -0.5)
+        known = True  # the first point, even if there is no time for any other
+
+        def moved(steps: Array) -> Array:
+            point = origin.copy()
+            point[free] += size * (steps - start)
+            return point
+
+        def rows(steps: Array) -> Array:
+            nonlocal known
+            if not known:
+                return self._at(moved(steps))
+            known = False
             return begin
-        point = at(moved)
-        values = residual_or_none(residual, point)
-        if values is None and np.abs(point - best).max() <= _NOWHERE:
-            raise SearchEndedError("the model fails wherever the search could go")
-        if values is not None and (cost := float(values @ values)) < least:
-            best, least = point, cost
-        return np.full_like(begin, np.inf) if values is None else values
 
-    def slopes(moved: Array) -> Array:
-        return jacobian(at(moved))[:, free]
+        def slopes(steps: Array) -> Array:
+            return self._jacobian(moved(steps))[:, free] * size
 
-    try:
+        ends = start + (low - origin)[free] / size, start + (high - origin)[free] / size
         solution = least_squares(
-            finite, q[free], slopes, (low[free], high[free]), ftol=tolerance, xtol=_ROUNDING, gtol=_ROUNDING,
-            max_nfev=trials,
+            rows, start, slopes, ends, ftol=tolerance, xtol=_ROUNDING, gtol=_ROUNDING,
+            max_nfev=max(1, trials - self._tried),
         )  # fmt: skip
-    except SearchEndedError:
-        return Minimum(best, False)
-    # it stays within the bounds by a rounding error
-    ends = np.where(solution.active_mask < 0, low[free], high[free])
-    return Minimum(at(np.where(solution.active_mask == 0, solution.x, ends)), solution.success)
+        # it stays within the bounds by a rounding error
+        at_end, there = solution.active_mask, moved(solution.x)
+        there[free] = np.where(at_end < 0, low[free], np.where(at_end > 0, high[free], there[free]))
+        self.best, self._rows = there, solution.fun
+        return bool(solution.success), _promised(np.asarray(solution.jac)[:, at_end == 0], solution.fun)
+
+    def _at(self, point: Array) -> Array:
+        """Residual at a point; infinite where there is none, so that the search steps back."""
+        self._tried += 1
+        values = residual_or_none(self._residual, point)
+        if values is None:
+            if np.abs(point - self.best).max() <= _NOWHERE:
+                raise SearchEndedError("the model fails wherever the search could go")
+            return np.full_like(self._rows, np.inf)
+        if float(values @ values) < self.least:
+            self.best, self._rows = point, values
+        return values
 
 
-def residual_or_none(residual: Callable[[Array], Array], q: Array) -> Array | None:
+def _promised(jacobian: Array, residual: Array) -> float:
+    """By how much the cost would fall with a whole step of Gauss and Newton, were the residual linear."""
+    step = np.linalg.lstsq(jacobian, -residual, rcond=_UNDETERMINED)[0]
+    after = residual + jacobian @ step
+    return float(residual @ residual - after @ after)
+
+
+def residual_or_none(residual: Function, q: Array) -> Array | None:
     """Residual at a point; None where it is not finite or raises a UserError, so that a search has to step back."""
     try:
         values = residual(q)

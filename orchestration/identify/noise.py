@@ -230,8 +230,8 @@ def estimate(
     order : int
         Highest that is considered; 0 for white noise.
     calm : ndarray of bool, shape (m,), optional
-        Samples that tell whether the tails are heavy, those at which a model that lacks something has no reason to be
-        far off; without it noise is Gaussian.
+        Samples at which a model that lacks something has no reason to be far off. Tails are heavy where these and all
+        samples tell it; without them noise is Gaussian.
     freedom : float, optional
         Of the distribution of innovations, where it is known; estimated otherwise.
 
@@ -242,16 +242,18 @@ def estimate(
     noise = _gaussian(residual, present, order)
     if calm is None:
         return noise
-    known = freedom
-    if freedom is None:
-        freedom, _ = heavy_tails(noise.whiten(residual, present)[calm])
-    if freedom == inf:
+
+    def tails(noise: Noise) -> float:
+        """Heavy ones are seen in all samples, and in those too at which a model has no reason to be far off."""
+        innovation = noise.whiten(residual, present)
+        return max(heavy_tails(innovation)[0], heavy_tails(innovation[calm])[0])
+
+    if (tails(noise) if freedom is None else freedom) == inf:
         return noise
     # far samples make colour look weaker than it is
     far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
     noise = _gaussian(np.clip(residual, -far, far), present, order)
-    innovation = noise.whiten(residual, present)
-    freedom, scale = heavy_tails(innovation[calm], known)
+    freedom, scale = heavy_tails(noise.whiten(residual, present)[calm], freedom or tails(noise))
     return Noise(noise.coefficients, (noise.deviation * scale) or _LEAST, freedom)
 
 

@@ -59,6 +59,17 @@ def test_the_page_shows_what_changed_and_which_file_it_is_in(appeared):
     assert "R1" in text[text.index("What changed from") :]
 
 
+def test_what_is_wrong_with_the_later_record_is_said_everywhere(appeared):
+    said, figures, page = appeared
+    assert figures["later"]["verdict"] == "cause"
+    assert [cause["effect"] for cause in figures["later"]["causes"]] == ["strain_saturation"]
+    told, shown = (" ".join(text.split()) for text in (said, words_of(page)))
+    for text in (told, shown):
+        assert "after.csv by itself: cause What the model gets wrong: strain_saturation." in text
+    for note in figures["later"]["notes"]:
+        assert note["message"] in told
+
+
 @pytest.mark.parametrize("seed", [2, *(pytest.param(s, marks=pytest.mark.slow) for s in range(3, 15))])
 def test_where_nothing_changed_nothing_is_claimed(tmp_path, seed):
     before, after = pair(tmp_path, seed, None)

@@ -21,7 +21,7 @@ from orchestration.records.joined import base_name
 from orchestration.reporting.page import Markup, Page, escaped
 
 
-def page(result: Result, command: str, changes: Sequence[Change] = (), later: Record | None = None) -> Page:
+def page(result: Result, command: str, changes: Sequence[Change] = (), later: Result | None = None) -> Page:
     """Make the page.
 
     Parameters
@@ -31,8 +31,8 @@ def page(result: Result, command: str, changes: Sequence[Change] = (), later: Re
         That made it, to be repeated.
     changes : sequence of Change
         What was found in a later record.
-    later : Record, optional
-        That one.
+    later : Result, optional
+        Diagnosis of that one.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def page(result: Result, command: str, changes: Sequence[Change] = (), later: Re
         sentence = wording.experiment(result.experiment)
         made.text(f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it.")
         made.code([result.experiment.toml(result.model.name, sentence)])
-    read = [*result.records, *result.holdouts, *([later] if later is not None else [])]
+    read = [*result.records, *result.holdouts, *(later.records if later is not None else [])]
     _data(made, read)
     _reproduce(made, read, command)
     return made
@@ -103,9 +103,9 @@ def _runs(result: Result) -> str:
     return f"{text}, and has {', '.join(own)} of its own." if own else f"{text}."
 
 
-def _comparison(made: Page, changes: Sequence[Change], result: Result, later: Record) -> None:
+def _comparison(made: Page, changes: Sequence[Change], result: Result, later: Result) -> None:
     """What changed in a later record."""
-    made.heading(f"What changed from {result.files} to {later.source.name}")
+    made.heading(f"What changed from {result.files} to {later.files}")
     made.text(wording.comparison(changes))
     made.table(HEAD, page_rows(changes))
     made.parts.append(elements.aside(
@@ -113,6 +113,9 @@ def _comparison(made: Page, changes: Sequence[Change], result: Result, later: Re
         "Gain is the share of the squared error that letting go of this parameter alone in the later record takes off; "
         "what gains and is uncertain may stand in for an error of the model."
     ))  # fmt: skip
+    chip = elements.chip(later.diagnosis.verdict, later.diagnosis.verdict)
+    made.text(Markup(f"{escaped(later.files)} by itself: {chip} {escaped(wording.headline(later))}"))
+    made.items([wording.message(note) for note in later.notes if note.code not in wording.IN_HEADLINE])
 
 
 def _data(made: Page, records: Sequence[Record]) -> None:

@@ -24,12 +24,7 @@ _REJECTED = 5  # effects that were tried in vain, of which the evidence is shown
 def overview(result: Result) -> Group:
     """Return what ``ppy diagnose`` prints."""
     diagnosis = result.diagnosis
-    parts: list[RenderableType] = [
-        Text.assemble((diagnosis.verdict, "bold"), "  ", wording.headline(result)),
-        *(Text(wording.message(note)) for note in result.notes if note.code not in wording.IN_HEADLINE),
-        *(Text(line) for line in _changes(diagnosis)),
-        Text(),
-    ]
+    parts: list[RenderableType] = [*_said(result), Text()]
     parts += [_errors(diagnosis), Text()]
     if runs := run_errors(result):
         parts += [_runs(runs), Text()]
@@ -39,6 +34,15 @@ def overview(result: Result) -> Group:
     if result.experiment:
         parts.append(Text(wording.experiment(result.experiment)))
     return Group(*parts)
+
+
+def _said(result: Result) -> list[Text]:
+    """The verdict with its notes, and by how much parameters differ from nominal."""
+    return [
+        Text.assemble((result.diagnosis.verdict, "bold"), "  ", wording.headline(result)),
+        *(Text(wording.message(note)) for note in result.notes if note.code not in wording.IN_HEADLINE),
+        *(Text(line) for line in _changes(result.diagnosis)),
+    ]
 
 
 def _errors(diagnosis: Diagnosis) -> Table:
@@ -59,12 +63,13 @@ def _runs(runs: Sequence[RunError]) -> Table:
     return rows
 
 
-def comparison(found: Sequence[Change]) -> Group:
-    """Return what ``ppy diagnose --compare`` prints beside."""
+def comparison(found: Sequence[Change], later: Result) -> Group:
+    """Return what ``ppy diagnose --compare`` prints beside: what changed, and what is wrong in the later record."""
     table = plain_table("before and after", *HEAD)
     for row in plain_rows(found):
         table.add_row(*row)
-    return Group(Text(wording.comparison(found)), table)
+    alone = [Text(), Text(f"{later.files} by itself:"), *_said(later)]
+    return Group(Text(), Text(wording.comparison(found)), table, *alone)
 
 
 def _changes(diagnosis: Diagnosis) -> list[str]:

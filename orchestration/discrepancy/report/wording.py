@@ -31,6 +31,7 @@ IN_HEADLINE = (
     NoteCode.ABSENT_INPUT, NoteCode.UNDETERMINED, NoteCode.DETERMINED_TOGETHER, NoteCode.AT_BOUND,
     NoteCode.NOT_CONVERGED, NoteCode.NOT_MOVED,
 )  # fmt: skip
+_REASONS = (NoteCode.IMPLAUSIBLE, NoteCode.NOT_FOLLOWED, NoteCode.END_NOT_FOLLOWED)  # why something is unexplained
 _NOTES = {
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: "cut off at its {end} {level:.6g}, {times} times, {share} of the samples",
@@ -90,6 +91,12 @@ _NOTES = {
     NoteCode.FEEDBACK:
         "{input} follows it (correlation {strength:+.2f}, {lag:.3g} s later): the loop is closed. What comes after is "
         "not held against the model, but estimates may be biased where the noise has a colour that is not its model's",
+    NoteCode.NOT_FOLLOWED:
+        "the record held out is not followed{records} (error {errors} what the fit lets expect): it is of another "
+        "specimen, or some parameters are others there (--each NAME), or it shows what the fitted record does not",
+    NoteCode.END_NOT_FOLLOWED:
+        "the part held out is not followed (error {errors} what the fit lets expect): something changed on the way, or "
+        "shows there alone; give the two parts as records, to fit both (--each NAME) or to compare them (--compare)",
     NoteCode.UNDETERMINED:
         "the record does not determine {names}: hold what you know (--hold NAME), or move or record what tells of it",
     NoteCode.DETERMINED_TOGETHER:
@@ -132,8 +139,8 @@ def sentence(diagnosis: Diagnosis) -> str:
 def headline(result: Result) -> str:
     """The verdict, and what must be known to read it: inputs that are missing, parameters that are not determined."""
     told = [note for note in result.notes if note.code in IN_HEADLINE]
-    if result.diagnosis.verdict is not Verdict.UNEXPLAINED:  # of which it is the reason
-        told += [note for note in result.notes if note.code is NoteCode.IMPLAUSIBLE]
+    if result.diagnosis.verdict is not Verdict.UNEXPLAINED:  # of which they are the reason
+        told += [note for note in result.notes if note.code in _REASONS]
     told_with_it = "; ".join(message(note) for note in told)
     return sentence(result.diagnosis) + (f" Note: {told_with_it}." if told_with_it else "")
 
@@ -155,7 +162,7 @@ def _unexplained(diagnosis: Diagnosis) -> list[str]:
         shifts = len(analysis.level_shifts)
         parts += [f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}"] if shifts else []
         parts += [structure(item, output) for item in diagnosis.unexplained(output)[:1]]
-    return parts + [message(note) for note in diagnosis.notes if note.code is NoteCode.IMPLAUSIBLE]
+    return parts + [message(note) for note in diagnosis.notes if note.code in _REASONS]
 
 
 def message(note: Note) -> str:
@@ -180,6 +187,10 @@ def _fact(name: str, value: Any) -> Any:
         )
     if name == "names":
         return _some(value)
+    if name == "errors":
+        return ", ".join(f"of {output} {ratio:.3g} times" for output, ratio in value.items())
+    if name == "records":
+        return f" in {_some(value)}" if value else ""
     if name == "margin":
         return f" (BIC {'falls' if value > 0.0 else 'rises'} by {abs(value):.3g})" if value else ""
     if name == "bias":

@@ -33,12 +33,15 @@ class Prediction:
         Their derivatives by the searched coordinates.
     errors : dict of str to float
         Normalised RMS error of every output, where nothing was fitted.
+    parameters : dict of str to float
+        That it was simulated with, SI.
     """
 
     model: FittedCandidate
     simulated: dict[str, Array]
     sensitivities: dict[str, Array]
     errors: dict[str, float]
+    parameters: dict[str, float]
 
 
 def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
@@ -50,9 +53,7 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
     values = model.problem.start | model.fit.values
     if validation.continued:
         return values
-    layout, before = model.candidate.cls.layout, validation.run_in
-    starts = [layout.start_of[state.name] for state in layout.states]
-    own = [*dict.fromkeys([*starts, *(base_name(n) for n in model.problem.names if base_name(n) != n)])]
+    before, own = validation.run_in, own_of_each(model)
     if not own:
         return values
     problem = Problem(
@@ -69,6 +70,13 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
     return values | problem.values(best.q)
 
 
+def own_of_each(model: FittedCandidate) -> list[str]:
+    """Parameters of a fitted model that every record has for itself: where states start, and what else is asked to."""
+    layout = model.candidate.cls.layout
+    starts = [layout.start_of[state.name] for state in layout.states]
+    return [*dict.fromkeys([*starts, *(base_name(n) for n in model.problem.names if base_name(n) != n)])]
+
+
 def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     """Simulate a fitted model over validation data.
 
@@ -78,10 +86,12 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
         If the simulation fails.
     """
     problem, data = model.problem, validation.data
-    ran = problem.model.run(data.time, data.inputs, parameters_on(validation, model), runs=data.runs)
+    values = parameters_on(validation, model)
+    ran = problem.model.run(data.time, data.inputs, values, runs=data.runs)
     by = np.array([scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)])
     signals = {o: ran.signals[o] for o in data.measured}
-    return Prediction(model, signals, {o: ran.sensitivities[o] * by for o in signals}, validation.nrmse(signals))
+    slopes = {o: ran.sensitivities[o] * by for o in signals}
+    return Prediction(model, signals, slopes, validation.nrmse(signals), values)
 
 
 def judged_innovations(

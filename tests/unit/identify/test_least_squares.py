@@ -29,6 +29,42 @@ def test_a_search_goes_on_along_a_narrow_valley(steepness, start):
     assert found.q == pytest.approx([1.0, 1.0], rel=1e-4)
 
 
+@pytest.mark.parametrize("origin", [0.5, -300.0])
+def test_where_coordinates_have_their_origin_does_not_matter(origin):
+    """As with the unit of a parameter that is searched in its logarithm."""
+    rows, slopes = valley(10.0)
+    begin, wide, ways = np.array([-1.25, 1.0]), np.full(2, 1e9), []
+    for shift in (0.0, origin):
+        way = []
+
+        def shifted(q, shift=shift, way=way):
+            way.append(q - shift)
+            return rows(q - shift)
+
+        minimise(shifted, lambda q, shift=shift: slopes(q - shift), begin + shift, -wide, wide, 1e-12)
+        ways.append(way)
+    assert len(ways[0]) == len(ways[1])
+    assert np.array(ways[1]) == pytest.approx(np.array(ways[0]), abs=1e-6)
+
+
+def test_it_leaves_a_bound_that_it_starts_at():
+    low = np.array([-2.0, -5.0])
+    found = minimise(*valley(10.0), low, low, np.full(2, 5.0), 1e-12)
+    assert found.q == pytest.approx([1.0, 1.0], rel=1e-4)
+
+
+def test_what_hardly_does_anything_stays_about_where_it_is():
+    """A step of one is a large one: along what changes nothing but rounding errors there is no way to go."""
+    slope = np.array([[1.0, 1e-9], [0.0, 0.0]])
+    found = minimise(lambda q: slope @ q - [3.0, 1.0], lambda q: slope, np.zeros(2), np.full(2, -1e9), np.full(2, 1e9))
+    assert found.q == pytest.approx([3.0, 0.0], abs=1e-3)
+
+
+def test_there_is_nothing_to_search_where_it_starts_without_error():
+    rows, slopes = valley(10.0)
+    assert minimise(rows, slopes, np.ones(2), -np.ones(2), 2.0 * np.ones(2)) == (pytest.approx(np.ones(2)), True)
+
+
 def test_a_search_that_used_up_its_trials_has_not_converged():
     wide = np.full(2, 5.0)
     assert not minimise(*valley(10.0), np.array([-1.2, 1.0]), -wide, wide, 1e-14, 3).converged

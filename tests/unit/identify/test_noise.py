@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 from scipy.stats import t as student
 
 from orchestration.identify import tails
@@ -131,3 +131,16 @@ def test_noise_is_told_from_steps_and_gaps(differences):
     signal[200:230] = np.nan
     assert noise_std(signal, differences) == pytest.approx(0.3, rel=0.1)
     assert noise_std(np.ones(2), differences) == 0.0
+
+
+def test_noise_that_is_gaussian_as_a_whole_is_gaussian_whatever_a_part_of_it_looks_like():
+    """Of Gaussian quantiles in any order a part can be chosen that is heavy-tailed; where all are, both are."""
+    n = 4000
+    residual = np.random.default_rng(3).permutation(norm.ppf((np.arange(n) + 0.5) / n))
+    level = np.abs(residual)
+    calm = (level < 0.3) | ((level > 1.5) & (np.random.default_rng(4).random(n) < 0.3))
+    assert heavy_tails(residual[calm])[0] < 10.0
+    everywhere = np.ones(n, dtype=bool)
+    assert estimate(residual, everywhere, 0, calm).freedom == np.inf
+    heavy = np.random.default_rng(5).standard_t(3.0, n)
+    assert estimate(heavy, everywhere, 0, np.arange(n) % 2 == 0).freedom < 5.0

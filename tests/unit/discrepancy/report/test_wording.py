@@ -36,6 +36,7 @@ from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
 from tests.support.intersample_records import record
 from tests.support.noises import Clean, clean, controlled, gaussian, growing_with_size, outliers
+from tests.support.several import Cell, several
 
 Maker = Callable[[pytest.MonkeyPatch], list[Note]]
 SATURATION = EFFECTS["strain_saturation"]
@@ -339,6 +340,20 @@ def not_moved(monkeypatch):
 def implausible(monkeypatch):
     data = short_record().only(["voltage"])
     return diagnose(PpyActuator, with_output(data, "voltage", 1e3 * data.measured["voltage"]), []).notes
+
+
+@makes(NoteCode.NOT_FOLLOWED)
+def not_followed(monkeypatch):
+    fitted, others = several("ab"), several("cd", R0=0.06)
+    return diagnose(Cell, fitted, [], holdout=others).notes
+
+
+@makes(NoteCode.END_NOT_FOLLOWED)
+def end_not_followed(monkeypatch):
+    data = products(1.0)
+    return diagnose(
+        Product, with_output(data, "y", np.where(data.time < 40.0, 1.0, 2.0) * data.measured["y"]), []
+    ).notes
 
 
 @makes(NoteCode.NO_GAIN)
