@@ -168,24 +168,29 @@ def fit(
     low, high = problem.bounds()
     prior = _prior(problem, physical, prior_std)
 
-    def iterate(q: Array, noise: Mapping[str, Noise]) -> FitResult:
-        """Fit with a noise model and estimate it from the residual, in turn."""
-        best: FitResult | None = None
-        for _ in range(method.passes):
-            end = _minimised(problem, q, noise, prior, method)
-            fitted = _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
-            if best is not None and best.bic - fitted.bic < method.settled:
+    def one_pass(q: Array, noise: Mapping[str, Noise]) -> FitResult:
+        end = _minimised(problem, q, noise, prior, method)
+        return _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
+
+    def iterate(fitted: FitResult) -> FitResult:
+        """Fit in the noise that is seen from where a pass ended, in turn."""
+        for _ in range(method.passes - 1):
+            best, fitted = fitted, one_pass(fitted.q, fitted.noise)
+            if best.bic - fitted.bic < method.settled:
                 return min(best, fitted, key=lambda f: f.bic)
-            best, q, noise = fitted, fitted.q, fitted.noise
         return fitted
 
     q = np.clip(problem.inside(start), low, high)
-    best = iterate(q, noise or white(problem.evaluate(q)[0]))
+    begin = one_pass(q, noise or white(problem.evaluate(q)[0]))
+    best, without = iterate(begin), None if noise else begin  # the latter is what a pass without colour came to
     for _ in range(_AGAIN):
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
             break
         # a colour that has swallowed what the model could follow keeps it from following: once more without
-        other = iterate(best.q, white(best.residual))
+        again = one_pass(best.q, white(best.residual))
+        # from where the pass without colour ended before, all would go as before
+        same = without is not None and abs(without.bic - again.bic) < method.settled
+        other, without = again if same else iterate(again), again
         if best.bic - other.bic < method.settled:
             break
         best = other
@@ -295,7 +300,8 @@ def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _P
     def slopes(q: Array) -> Array:
         jacobian = problem.evaluate(q)[1]
         whitened = {o: n.whiten(jacobian[o], problem.present[o]) for o, n in noise.items()}
-        return np.vstack([*(slope[:, np.newaxis] * whitened[o] for o, (_, slope) in rooted(q).items()), prior.jacobian])
+        tailed = {o: slope[:, np.newaxis] for o, (_, slope) in rooted(q).items() if noise[o].freedom < np.inf}
+        return np.vstack([*(tailed[o] * w if o in tailed else w for o, w in whitened.items()), prior.jacobian])
 
     tolerance = method.tolerance / problem.samples
     best = minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance)
