@@ -25,13 +25,13 @@ Array = NDArray[np.float64]
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 PRIOR_STD = 1.0
 _BISECTIONS = 6
+_TRIALS = 200  # points that a search tries at most
 _CURVED = 0.1  # of the curvature that is expected, below which the one observed is chance
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
-
-
 # Fits begun again without the colour of the noise; one or two do where the model can follow the record, and where it
 # cannot, as with a wrong unit, each gains a little and dozens would follow.
 _AGAIN = 4
+_BRIEF = 12  # trial points of such a fit without colour: the coloured one goes on from where it has come to
 
 
 @dataclass(frozen=True)
@@ -168,11 +168,11 @@ def fit(
     low, high = problem.bounds()
     prior = _prior(problem, physical, prior_std)
 
-    def iterate(q: Array, noise: Mapping[str, Noise]) -> FitResult:
+    def iterate(q: Array, noise: Mapping[str, Noise], first: int = _TRIALS) -> FitResult:
         """Fit with a noise model and estimate it from the residual, in turn."""
         best: FitResult | None = None
-        for _ in range(method.passes):
-            end = _minimised(problem, q, noise, prior, method)
+        for k in range(method.passes):
+            end = _minimised(problem, q, noise, prior, method, _TRIALS if k else first)
             fitted = _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
             if best is not None and best.bic - fitted.bic < method.settled:
                 return min(best, fitted, key=lambda f: f.bic)
@@ -185,7 +185,7 @@ def fit(
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
             break
         # a colour that has swallowed what the model could follow keeps it from following: once more without
-        other = iterate(best.q, white(best.residual))
+        other = iterate(best.q, white(best.residual), _BRIEF)
         if best.bic - other.bic < method.settled:
             break
         best = other
@@ -282,7 +282,9 @@ def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> A
     return np.asarray(begin + near * (end - begin))
 
 
-def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method) -> Minimum:
+def _minimised(
+    problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method, trials: int
+) -> Minimum:
     """Fit with noise that is given."""
 
     def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
@@ -297,10 +299,13 @@ def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _P
         whitened = {o: n.whiten(jacobian[o], problem.present[o]) for o, n in noise.items()}
         return np.vstack([*(slope[:, np.newaxis] * whitened[o] for o, (_, slope) in rooted(q).items()), prior.jacobian])
 
-    tolerance = method.tolerance / problem.samples
-    best = minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance)
+    def search(q: Array) -> Minimum:
+        fall = method.tolerance / problem.samples
+        return minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), fall, trials)
+
+    best = search(q)
     while (other := problem.beyond(best.q)) is not None:
-        tried = minimise(problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), tolerance)
+        tried = search(other)
         if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
         best = tried
