@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 from zlib import crc32
 
@@ -120,6 +120,28 @@ class Component:
         return [law() for law in self.laws([output.name for output in self.layout.outputs])]
 
 
+@dataclass(frozen=True)
+class Term:
+    """What an effect adds to a law.
+
+    Attributes
+    ----------
+    law, signal, shape : str
+        The law it changes, the signal that the change is a function of, and that function.
+    family : str
+        What effects have in common that are one cause in several shapes: a law over a signal, what it remembers of
+        one, or an input as it arrives. Empty where there are no others.
+    qualifier : str
+        What tells it from an effect of the same id: the law, or the input, that it concerns.
+    """
+
+    law: str = ""
+    signal: str = ""
+    shape: str = ""
+    family: str = ""
+    qualifier: str = ""
+
+
 class Effect(Component):
     """An unmodelled effect of known form: a mixin that overrides one law of a component through ``super()``.
 
@@ -132,6 +154,8 @@ class Effect(Component):
         Name in the effect catalogue.
     output : str
         The output whose measurement it concerns; empty for effects of the physics.
+    term : Term
+        What it adds to which law, where that is told.
     neutral : str
         The parameter that switches it: at the default value the component is exactly the one below.
     assumption : int or str
@@ -140,12 +164,14 @@ class Effect(Component):
 
     id: ClassVar[str] = ""
     output: ClassVar[str] = ""
+    term: ClassVar[Term] = Term()
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
 
 
 def _label(effect: type[Effect]) -> str:
-    return f"{effect.id}_of_{effect.output}" if effect.output else effect.id
+    of = (effect.output or effect.term.qualifier).replace(", ", "_of_")
+    return f"{effect.id}_of_{of}" if of else effect.id
 
 
 def _joined(parts: list[str]) -> str:

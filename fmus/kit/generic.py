@@ -11,16 +11,9 @@ units; a law declares none, so its unit is an argument here.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-from .component import Component, Effect
-from .declare import Declaration, Parameter, State
-from .errors import UserError, suggestion
-from .functions import absolute, tanh
-
-_ANY = 1e12  # bound of parameters that may have any value, in nominal values
-_SHARPNESS = 0.01  # width of the smooth sign of a velocity, relative to its nominal value
+from .arms import arm
+from .component import Component, Effect, Term
+from .curves import added, coefficient, curve
 
 
 def coulomb_friction(
@@ -53,20 +46,9 @@ def coulomb_friction(
     UserError
         If the component has no such law or variable.
     """
-    speed = _variable(component, velocity)
-    level, width = f"{law}_coulomb", f"{law}_coulomb_velocity"
-
-    def more(self: Any) -> Any:
-        return getattr(self, level) * tanh(getattr(self, velocity) / getattr(self, width))
-
-    return _added(coulomb_friction, component, (law, velocity, unit, nominal), more, {
-        "assumption": "friction is viscous",
-        level: _coefficient(unit, nominal, f"dry part of {law} (F_c)", least=0.0),
-        width: Parameter(
-            _SHARPNESS * speed.nominal, speed.unit, min=1e-9 * speed.nominal, max=1e3 * speed.nominal,
-            nominal=_SHARPNESS * speed.nominal, doc=f"{velocity} within which dry friction changes its sign (v_c)",
-        ),
-    })  # fmt: skip
+    return curve(
+        component, law, velocity, "sign", unit, nominal, None, "coulomb_friction", ("coulomb", "coulomb_velocity")
+    )
 
 
 def asymmetric_friction(
@@ -97,18 +79,7 @@ def asymmetric_friction(
     -----
     Janot, Gautier, Brunot: Data set and reference models of EMPS, Nonlinear System Identification Benchmarks, 2019.
     """
-    speed = _variable(component, velocity)
-    difference = f"{law}_asymmetry"
-
-    def more(self: Any) -> Any:
-        return getattr(self, difference) * absolute(getattr(self, velocity))
-
-    return _added(asymmetric_friction, component, (law, velocity, unit, nominal), more, {
-        "assumption": "friction is the same in both directions",
-        difference: _coefficient(
-            _per(unit, speed.unit), nominal / speed.nominal, f"damping that {law} has more forwards, less backwards (d)"
-        ),
-    })  # fmt: skip
+    return curve(component, law, velocity, "asymmetric", unit, nominal, None, "asymmetric_friction", ("asymmetry",))
 
 
 def force_offset(component: type[Component], law: str, unit: str = "N", nominal: float = 1.0) -> type[Effect]:
@@ -130,9 +101,10 @@ def force_offset(component: type[Component], law: str, unit: str = "N", nominal:
         If the component has no such law.
     """
     offset = f"{law}_offset"
-    return _added(force_offset, component, (law, unit, nominal), lambda self: getattr(self, offset), {
+    return added(force_offset, component, (law, unit, nominal), lambda self: getattr(self, offset), {
         "assumption": "nothing pushes at rest",
-        offset: _coefficient(unit, nominal, f"constant part of {law}"),
+        "term": Term(law, "", "a"),
+        offset: coefficient(unit, nominal, f"constant part of {law}"),
     })  # fmt: skip
 
 
@@ -160,19 +132,7 @@ def cubic_stiffness(
     UserError
         If the component has no such law or variable.
     """
-    stroke = _variable(component, position)
-    cubic = f"{law}_cubic"
-
-    def more(self: Any) -> Any:
-        x = getattr(self, position)
-        return getattr(self, cubic) * (x * x * x)
-
-    return _added(cubic_stiffness, component, (law, position, unit, nominal), more, {
-        "assumption": "the spring is linear",
-        cubic: _coefficient(
-            _per(unit, stroke.unit, 3), nominal / stroke.nominal**3, f"cubic coefficient of {law} (k_3)"
-        ),
-    })  # fmt: skip
+    return curve(component, law, position, "cubic", unit, nominal, None, "cubic_stiffness", ("cubic",))
 
 
 def extra_kelvin(
@@ -209,81 +169,6 @@ def extra_kelvin(
     UserError
         If the component has no such law or variable.
     """
-    force = _variable(component, load)
-    compliance, constant, state = (f"{ordinal}_{law}_{part}" for part in ("compliance", "time", "force"))
-
-    def rate(self: Any) -> Any:
-        return (getattr(self, load) - getattr(self, state)) / getattr(self, constant)
-
-    def more(self: Any) -> Any:
-        return getattr(self, compliance) * getattr(self, state)
-
-    return _added(extra_kelvin, component, (law, load, ordinal, time, unit, nominal), more, {
-        "id": f"{ordinal}_kelvin",
-        "assumption": "creep has no further time constant",
-        compliance: _coefficient(
-            _per(unit, force.unit), nominal / force.nominal, f"compliance of the {ordinal} Kelvin spring (J)", least=0.0
-        ),
-        constant: Parameter(
-            time, "s", min=1e-3 * min(time, 1.0), max=1e9, nominal=time,
-            doc=f"time constant of the {ordinal} Kelvin element (T)",
-        ),
-        state: State(
-            force.unit, rate=f"{state}_rate", nominal=force.nominal, display=force.display,
-            doc=f"load that the spring of the {ordinal} Kelvin element bears",
-        ),
-        f"{state}_rate": rate,
-    })  # fmt: skip
-
-
-def _variable(component: type[Component], name: str) -> Declaration:
-    """Look up the declared variable that an effect depends on."""
-    known = {v.name: v for v in (*component.layout.inputs, *component.layout.states, *component.layout.discretes)}
-    if name not in known:
-        raise UserError(f"{_label(component)}: no input or state named {name!r}{suggestion(name, known)}")
-    return known[name]
-
-
-def _label(component: type[Component]) -> str:
-    return component.name or component.__name__
-
-
-def _coefficient(unit: str, nominal: float, doc: str, least: float = -_ANY) -> Any:
-    """Declare the parameter that switches an effect; without it at 0."""
-    return Parameter(0.0, unit, min=least * nominal, max=_ANY * nominal, nominal=nominal, doc=f"{doc}; 0 is without")
-
-
-def _per(unit: str, below: str, power: int = 1) -> str:
-    """Unit of a coefficient that is multiplied by a variable, or by a power of it."""
-    above, under = (f"({u})" if "/" in u or "*" in u else u for u in (unit, below))
-    return f"{above}/{under}" + (f"^{power}" if power > 1 else "")
-
-
-def _added(
-    make: Callable[..., type[Effect]],
-    component: type[Component],
-    arguments: tuple[Any, ...],
-    more: Callable[[Any], Any],
-    members: dict[str, Any],
-) -> type[Effect]:
-    """Make the effect that adds to a law; the first parameter among the members switches it."""
-    law = arguments[0]
-    if not callable(getattr(component, law, None)):
-        raise UserError(f"{_label(component)}: no law named {law!r}")
-
-    def enlarged(self: Any) -> Any:
-        return getattr(super(effect, self), law)() + more(self)
-
-    about = {
-        "id": make.__name__,
-        "neutral": next(name for name, value in members.items() if isinstance(value, Declaration)),
-        "made_by": make,
-        "made_with": arguments,
-        "__doc__": str(make.__doc__).partition("\n\n    Parameters\n")[0],
-        "__module__": __name__,
-        law: enlarged,
-    }  # fmt: skip
-    body = about | members
-    title = f"{body['id']}_of_{law}".title().replace("_", "")
-    effect: type[Effect] = type(title, (Effect,), body)
-    return effect
+    own = f"{ordinal}_{law}"
+    names = f"{own}_compliance", f"{own}_time", f"{own}_force"
+    return arm(component, law, load, "lagging", time, unit, nominal, None, f"{ordinal}_kelvin", names)

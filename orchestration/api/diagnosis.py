@@ -254,7 +254,8 @@ def diagnose(
     each : sequence of str
         Parameters that differ from record to record.
     effects : sequence of str, optional
-        Only these, as ``id`` or ``id(output)``; an empty one only recalibrates.
+        Only these, as ``id`` or ``id(output)``; an empty one only recalibrates. ``["families"]`` is all that is known
+        and what fits the model's laws by their units.
     hold : sequence of str
         Parameters that are known and not fitted.
     settings : Mapping of str to float or str, optional

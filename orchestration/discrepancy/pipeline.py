@@ -12,6 +12,7 @@ from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
+from orchestration.discrepancy.candidates.typical import typical
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, joined_dataset, labels
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
@@ -20,9 +21,12 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.fmu.effects import families
 from orchestration.fmu.model import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.records import Record
+
+FAMILIES = "families"  # instead of a name: all that fits the model's laws too
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,8 @@ class Options:
     given : Mapping of str to float
         Values of parameters where the search starts, and of inputs that stayed at a value, SI.
     effects : sequence of str, optional
-        Effects to consider, as ``id`` or ``id(output)``; all of the catalogue unless given.
+        Effects to consider, as ``id`` or ``id(output)``; all of the catalogue unless given. ``"families"`` is all of it
+        and what fits the model's laws by their units.
     hold : sequence of str
         Parameters that are known and not fitted.
     each : sequence of str
@@ -155,8 +160,9 @@ def diagnose(
     if judged is not None and not judged.measured:
         outputs = ", ".join(data.measured)
         raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
-    effects = _considered(catalogue(model.cls, known_effects(model.cls), data.measured), chosen.effects)
-    fixed, budget = parameters_given(chosen, model), budget_of(chosen, data)
+    fixed = parameters_given(chosen, model)
+    effects = _considered(model.cls, data, fixed, chosen.effects)
+    budget = budget_of(chosen, data)
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, chosen.each)
     notes = [*absent_inputs(model, (*records, *holdouts), chosen.given), *diagnosis.notes]
     component = gain = experiment = None
@@ -238,13 +244,17 @@ def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[No
     ]
 
 
-def _considered(known: Sequence[type[Effect]], wanted: Sequence[str] | None) -> list[type[Effect]]:
-    """Pick effects by id, with or without an output; all unless some are wanted."""
-    if wanted is None:
-        return list(known)
-    names = {label(effect): effect for effect in known}
-    ids = {effect.id for effect in known}
+def _considered(
+    cls: type[Component], data: Dataset, fixed: Mapping[str, float], wanted: Sequence[str] | None
+) -> list[type[Effect]]:
+    """Pick effects by name or id; the component's own and those of measuring it unless some are wanted."""
+    known = catalogue(cls, known_effects(cls), data.measured)
+    there = {label(effect) for effect in known} | {effect.id for effect in known}
+    if wanted is None or there.issuperset(wanted):
+        return [e for e in known if wanted is None or e.id in wanted or label(e) in wanted]
+    known += families(cls, typical(cls, data.time, data.inputs, fixed)).values()
+    there |= {FAMILIES} | {label(effect) for effect in known} | {effect.id for effect in known}
     for name in wanted:
-        if name not in names and name not in ids:
-            raise UserError(f"effects: no effect named {name!r}{suggestion(name, [*ids, *names])}")
-    return [effect for effect in known if effect.id in wanted or label(effect) in wanted]
+        if name not in there:
+            raise UserError(f"effects: no effect named {name!r}{suggestion(name, sorted(there))}")
+    return [e for e in known if FAMILIES in wanted or e.id in wanted or label(e) in wanted]

@@ -35,7 +35,10 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
         return effects(base.name)
     module = sys.modules[base.__module__]
     listed = getattr(module, "EFFECTS", {})
-    if not (isinstance(listed, Mapping) and all(is_subclass(e, Effect) and e.id == n for n, e in listed.items())):
+    named = isinstance(listed, Mapping) and all(
+        is_subclass(effect, Effect) and name in (effect.id, effect_name(effect)) for name, effect in listed.items()
+    )
+    if not named:
         raise UserError(f"{module.__file__}: EFFECTS must be a dictionary from id to effect class")
     return dict(listed)
 
@@ -47,6 +50,28 @@ def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
     if cls.engine is not None:
         return {}
     return {effect_name(effect): effect for effect in (*catalogue(cls).values(), *measurement_effects(cls))}
+
+
+def families(cls: type[Component], scales: Mapping[str, float] | None = None) -> dict[str, type[Effect]]:
+    """Effects that fit a component's laws by their units, by name, but those that its own catalogue has.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    scales : Mapping of str to float, optional
+        Typical magnitudes of signals and laws, SI, from which searches begin; nominal values otherwise.
+    """
+    from fmus.kit.symbolic.families import families_for
+
+    if cls.engine is not None:
+        return {}
+    own = {_what(effect) for effect in catalogue(cls).values()}
+    base = vars(cls).get("stacked", (cls, ()))[0]
+    return {effect_name(e): e for e in families_for(base, scales) if _what(e) not in own}
+
+
+def _what(effect: type[Effect]) -> tuple[str, ...]:
+    return effect.term.law, effect.term.signal, effect.term.shape
 
 
 def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[type[Effect]]:
@@ -70,6 +95,8 @@ def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[ty
     if not names:
         return []
     known = known_effects(cls)
+    if any(name not in known for name in names):
+        known = families(cls) | known
     for name in names:
         if name not in known:
             outputs = list(dict.fromkeys(e.output for e in known.values() if e.output))

@@ -73,7 +73,7 @@ class Noise:
         ndarray, shape (m,) or (m, p)
         """
         pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
-        return np.concatenate(pieces) if pieces else values[:0]
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces) if pieces else values[:0]
 
     def from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
         """Filter like :meth:`whiten`, as if everything before the first sample had been zero.
@@ -154,7 +154,8 @@ class Noise:
             result[k:] -= coefficient * piece[k - lag : n - lag] if n > p else 0.0
         if k:
             result[:k] = solve_triangular(self._start[:k, :k], piece[:k], lower=True)
-        return np.asarray(result / self.deviation)
+        result /= self.deviation
+        return np.asarray(result)
 
 
 @dataclass(frozen=True)
@@ -186,8 +187,10 @@ class Whitening:
         rows = []
         for output, noise in self.noise.items():
             white = noise.whiten(values[output], self.present[output])
-            weight = np.sqrt(self.weights[output])
-            rows.append(white * (weight if white.ndim == 1 else weight[:, np.newaxis]))
+            if noise.freedom < inf:
+                weight = np.sqrt(self.weights[output])
+                white = white * (weight if white.ndim == 1 else weight[:, np.newaxis])
+            rows.append(white)
         return np.concatenate(rows)
 
 

@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 # keeps parameters that the record does not determine from running away, and weighs next to nothing in others.
 PRIOR_STD = 1.0
 _BISECTIONS = 6
-_TRIALS = 200  # points that a search tries at most
 _CURVED = 0.1  # of the curvature that is expected, below which the one observed is chance
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
 # Fits begun again without the colour of the noise; one or two do where the model can follow the record, and where it
@@ -165,27 +164,31 @@ def fit(
     UserError
         If the simulation fails where the search starts.
     """
-    low, high = problem.bounds()
     prior = _prior(problem, physical, prior_std)
 
-    def iterate(q: Array, noise: Mapping[str, Noise], first: int = _TRIALS) -> FitResult:
-        """Fit with a noise model and estimate it from the residual, in turn."""
-        best: FitResult | None = None
-        for k in range(method.passes):
-            end = _minimised(problem, q, noise, prior, method, _TRIALS if k else first)
-            fitted = _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
-            if best is not None and best.bic - fitted.bic < method.settled:
+    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = 200) -> FitResult:
+        end = _minimised(problem, q, noise, prior, method, trials)
+        return _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
+
+    def iterate(fitted: FitResult) -> FitResult:
+        """Fit in the noise that is seen from where a pass ended, in turn."""
+        for _ in range(method.passes - 1):
+            best, fitted = fitted, one_pass(fitted.q, fitted.noise)
+            if best.bic - fitted.bic < method.settled:
                 return min(best, fitted, key=lambda f: f.bic)
-            best, q, noise = fitted, fitted.q, fitted.noise
         return fitted
 
-    q = np.clip(problem.inside(start), low, high)
-    best = iterate(q, noise or white(problem.evaluate(q)[0]))
+    q = np.clip(problem.inside(start), *problem.bounds())
+    begin = one_pass(q, noise or white(problem.evaluate(q)[0]))
+    best, without = iterate(begin), None if noise else begin  # the latter is what a pass without colour came to
     for _ in range(_AGAIN):
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
             break
         # a colour that has swallowed what the model could follow keeps it from following: once more without
-        other = iterate(best.q, white(best.residual), _BRIEF)
+        again = one_pass(best.q, white(best.residual), _BRIEF)
+        # from where the pass without colour ended before, all would go as before
+        same = without is not None and abs(without.bic - again.bic) < method.settled
+        other, without = again if same else iterate(again), again
         if best.bic - other.bic < method.settled:
             break
         best = other
@@ -297,15 +300,13 @@ def _minimised(
     def slopes(q: Array) -> Array:
         jacobian = problem.evaluate(q)[1]
         whitened = {o: n.whiten(jacobian[o], problem.present[o]) for o, n in noise.items()}
-        return np.vstack([*(slope[:, np.newaxis] * whitened[o] for o, (_, slope) in rooted(q).items()), prior.jacobian])
+        tailed = {o: slope[:, np.newaxis] for o, (_, slope) in rooted(q).items() if noise[o].freedom < np.inf}
+        return np.vstack([*(tailed[o] * w if o in tailed else w for o, w in whitened.items()), prior.jacobian])
 
-    def search(q: Array) -> Minimum:
-        fall = method.tolerance / problem.samples
-        return minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), fall, trials)
-
-    best = search(q)
+    end = method.tolerance / problem.samples, trials
+    best = minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), *end)
     while (other := problem.beyond(best.q)) is not None:
-        tried = search(other)
+        tried = minimise(problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), *end)
         if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
         best = tried

@@ -206,6 +206,8 @@ class Problem:
         self.start |= {name: self.start[base_name(name)] for name in names if name not in fixed}
         self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
+        # a mask copies a record even where it leaves nothing out
+        self._where = {o: slice(None) if p.all() else p for o, p in self.present.items()}
         moved = input_steps(inputs, len(time))
         self.calm = {o: _calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
@@ -228,8 +230,8 @@ class Problem:
             effort = max(_EFFORT, _EFFORTS / len(self.time))
             trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort, self.runs)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
-            residual = {o: (y - trajectory.signals[o])[self.present[o]] for o, y in self.measured.items()}
-            jacobian = {o: -trajectory.sensitivities[o][self.present[o]] * slopes for o in self.measured}
+            residual = {o: (y - trajectory.signals[o])[self._where[o]] for o, y in self.measured.items()}
+            jacobian = {o: trajectory.sensitivities[o][self._where[o]] * -slopes for o in self.measured}
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
 

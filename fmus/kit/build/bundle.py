@@ -21,12 +21,15 @@ from fmus.kit.errors import UserError
 # Light modules of the kit: they need nothing beyond the standard library.
 RUNTIME_MODULES = (
     "__init__",
+    "arms",
     "component",
+    "curves",
     "declare",
     "engine",
     "errors",
     "functions",
     "generic",
+    "inputs",
     "integrate",
     "layout",
     "sensors",

@@ -69,5 +69,8 @@ def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
     if "made_by" not in vars(cls):
         return parts[cls]
     arguments = vars(cls)["made_with"]
-    owner = next(name for part, name in parts.items() if hasattr(part, arguments[0]))
+    of = arguments[0]
+    owner = next(
+        name for part, name in parts.items() if hasattr(part, of) or of in {v.name for v in part.layout.inputs}
+    )
     return f"{parts[cls]}({', '.join([owner, *map(repr, arguments)])})"

@@ -57,8 +57,9 @@ class Provenance:
 
 
 def effect_name(effect: type[Effect]) -> str:
-    """Id of an effect; of a measurement with its output, such as ``sensor_lag(voltage)``."""
-    return f"{effect.id}({effect.output})" if effect.output else effect.id
+    """Id of an effect, with what it is of where there may be several: ``sensor_lag(voltage)``, ``cubic(drop)``."""
+    of = effect.output or effect.term.qualifier
+    return f"{effect.id}({of})" if of else effect.id
 
 
 def annotate(root: Element, cls: type[Component]) -> None:

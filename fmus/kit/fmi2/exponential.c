@@ -15,6 +15,9 @@ static bool integrate_by_runge_kutta(Engine *engine, double time, double target,
 
 #include "record.h" /* RECORD_STATES: those of the component itself, without sensitivities */
 
+#define SAME 1e-9    /* relative: steps this close are the same */
+#define ROUNDED 1e-6 /* relative: intervals this close are the same but for the rounding of a clock */
+
 enum { BLOCKS = MODEL_STATES / (RECORD_STATES > 0 ? RECORD_STATES : 1) };
 enum { BLOCK = RECORD_STATES * RECORD_STATES, MATRIX = BLOCKS * BLOCK };
 
@@ -136,6 +139,14 @@ static double try_affine(Recorder *recorder, double time, double h, int level) {
     return 0.0;
 }
 
+/* What of an interval a step has left over because the clock rounds its instants, or has made too much. */
+static void follow_clock(Recorder *recorder, double target, double left) {
+    double *x = recorder->engine.memory + FIRST_STATE;
+    rates_at(&recorder->engine, target, x, recorder->rate);
+    for (int i = 0; i < MODEL_STATES; i++)
+        x[i] += left * recorder->rate[i];
+}
+
 static double step_of(const Ladder *ladder, int level) { return ldexp(ladder->largest, -level); }
 
 bool integrate(Engine *engine, double time, double target, Message message) {
@@ -149,7 +160,7 @@ bool integrate(Engine *engine, double time, double target, Message message) {
         int level = recorder->level;
         if (recorder->steps > allowed)
             return integrate_by_runge_kutta(engine, time, target, message);
-        while (level < ladder->levels && step_of(ladder, level) > remaining * (1.0 + 1e-9))
+        while (level < ladder->levels && step_of(ladder, level) > remaining * (1.0 + ROUNDED))
             level++;
         if (level >= ladder->levels) {
             recorder->level = recorder->level < ladder->levels ? recorder->level : ladder->levels - 1;
@@ -164,9 +175,11 @@ bool integrate(Engine *engine, double time, double target, Message message) {
             recorder->level = level + 1;
             continue;
         }
-        time = h >= remaining * (1.0 - 1e-9) ? target : time + h;
+        time = h >= remaining * (1.0 - ROUNDED) ? target : time + h;
         for (int i = 0; i < MODEL_STATES; i++)
             engine->memory[FIRST_STATE + i] += recorder->moved[i];
+        if (time == target && fabs(remaining - h) > SAME * remaining)
+            follow_clock(recorder, target, remaining - h);
         /* a step shortened to stay before the target says nothing against a longer one */
         if (error < 1.0 / 32.0 && level == recorder->level && level > 0)
             recorder->level--;

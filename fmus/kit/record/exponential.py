@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.record.linearisation import Ladder
+from fmus.kit.record.linearisation import ROUNDED, Ladder
 
 Array = NDArray[np.float64]
 SHARE = 0.01  # of the tolerance, which a step may take: slopes by parameters are to be as good as signals
@@ -67,7 +67,7 @@ class ExponentialIntegrator:
         if self._steps > self._ladder.worth * (target - self._start):
             return None
         ladder, remaining, level = self._ladder, target - now, self.level
-        while level < ladder.levels and ladder.largest * 0.5**level > remaining * (1.0 + SAME):
+        while level < ladder.levels and ladder.largest * 0.5**level > remaining * (1.0 + ROUNDED):
             level += 1
         if level >= ladder.levels:
             self.level = min(self.level, ladder.levels - 1)
@@ -83,7 +83,10 @@ class ExponentialIntegrator:
             return now, x
         if error < _LONGER and level == self.level:
             self.level = max(level - 1, 0)
-        return (target if h >= remaining * (1.0 - SAME) else now + h), x + moved
+        if h < remaining * (1.0 - ROUNDED):
+            return now + h, x + moved
+        left = remaining - h
+        return target, x + moved + (left * self._rates(target, x + moved) if abs(left) > SAME * remaining else 0.0)
 
     def _product(self, matrix: Array, v: Array) -> Array:
         """Product with a matrix that is kept as the stack of its blocks."""

@@ -27,14 +27,17 @@ from fmus.kit.symbolic.trace import Graph
 Array = NDArray[np.float64]
 # Of the largest eigenvalue and the time between samples, from which on a component is stiff: below, accuracy asks for
 # about as many steps of Runge and Kutta as stability does.
-STIFF = 2.0
-_UNEVEN = 25.0  # times more where samples are not equally spaced, for then a step is made of several
+_STIFF = 2.0
+# An exact step costs less than any of Runge and Kutta. To make its matrix functions costs as much as so many of theirs.
+_SETTING_UP = 2000.0
+_ACCURATE = 0.05  # of the largest eigenvalue and a step of Runge and Kutta: longer ones are not accurate enough
+_UNEVEN = 50.0  # the same of the time between samples that are not equally spaced: a step is made of several there
 # Time constants that take Runge and Kutta about as long as one exponential step with a rest beside A x, which is made
 # three times over for its error and spends most of its time in products.
 WORTH = 100.0
 _SHORTEST = 0.02  # product of the norm of A and the shortest step: the Runge-Kutta method takes what is left in one
 _TERMS = 8  # of the series, whose first that is left out is below rounding then
-_JITTER = 1e-6  # relative, above which an interval between samples is another
+ROUNDED = 1e-6  # relative: intervals between samples this close are the same but for the rounding of a clock
 _LOOKED_AT = 5  # samples with whose inputs the eigenvalues are looked at
 
 
@@ -106,9 +109,9 @@ class Linearisation:
         if not (self._nominal.size and steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
             return None
         step = float(np.median(steps))
-        even = np.mean(np.abs(steps - step) > _JITTER * step) < 0.5
+        even = np.mean(np.abs(steps - step) > ROUNDED * step) < 0.5
         affine = self._affine(linear, self._changing(float(time[-1] - time[0]), parameters))
-        limit = WORTH if not affine else STIFF if even else _UNEVEN * STIFF
+        limit = WORTH if not affine else self._worth_setting_up(len(steps)) if even else _UNEVEN
         fastest, inputs = self._stiffest(float(time[0]), table, parameters, limit / step)
         if inputs is None:
             return None
@@ -118,10 +121,15 @@ class Linearisation:
         matrix = self._blocks(*start).full().reshape(-1, n, n)
         if not np.isfinite(matrix).all():
             return None
-        largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - _JITTER))
+        largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - ROUNDED))
         halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
         return Ladder(largest, affine, worth, matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
+
+    @staticmethod
+    def _worth_setting_up(samples: int) -> float:
+        """Largest eigenvalue times the time between samples from which on exact steps cost less in all."""
+        return 0.0 if samples >= _SETTING_UP else min(_STIFF, _ACCURATE * _SETTING_UP / samples)
 
     def _stiffest(self, time: float, table: Array, parameters: Array, limit: float) -> tuple[float, Array | None]:
         """Largest eigenvalue at the start with the inputs of some samples, and those; None if all are below a limit."""

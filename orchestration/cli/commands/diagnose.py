@@ -37,7 +37,8 @@ Effects = Annotated[
     str | None,
     option(
         "--effects",
-        help="Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates.",
+        help="Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates; families: all that is known and "
+        "what fits the model's laws by their units, e.g. dead_zone(voltage).",
         autocompletion=complete_effects,
     ),
 ]

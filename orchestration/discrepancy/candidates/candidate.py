@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fmus.kit import Component, Effect, stack
+from fmus.kit.build.provenance import effect_name as label
 from fmus.kit.sensors import measurement_effects
 
 
@@ -39,11 +40,6 @@ class Candidate:
     def with_effect(self, effect: type[Effect]) -> Candidate:
         """Lay one more effect over it."""
         return Candidate((*self.effects, effect), stack(self.cls, effect), self.starts)
-
-
-def label(effect: type[Effect]) -> str:
-    """Id of an effect; of a measurement with its output."""
-    return f"{effect.id}({effect.output})" if effect.output else effect.id
 
 
 def own_parameters(effect: type[Effect]) -> list[str]:

@@ -166,9 +166,8 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
 
 
 def _interchangeable(one: type[Effect], other: type[Effect]) -> bool:
-    """Whether they are two of a kind, such as the second and the third element of a chain."""
-    kinds = [(vars(e)["made_by"], *vars(e)["made_with"][:2]) if "made_by" in vars(e) else e for e in (one, other)]
-    return kinds[0] == kinds[1]
+    """Whether they are one cause in two shapes, such as the second and the third element of a chain."""
+    return one is other or (bool(one.term.family) and one.term.family == other.term.family)
 
 
 def _distance(one: FittedCandidate, other: FittedCandidate) -> float:

@@ -228,3 +228,25 @@ def test_a_limit_that_the_record_does_not_reach_is_left_alone(seed):
     assert fitted.values["limit"] == pytest.approx(10.0)
     reached = fit_free_run(problem, [problem.position({"limit": u.max(), "lag": 0.3})])
     assert (reached.residual["y"] ** 2).sum() == pytest.approx((fitted.residual["y"] ** 2).sum(), rel=0.01)
+
+
+def test_no_pass_is_made_twice(monkeypatch):
+    """In coloured noise a fit begins again without colour; where that ends as before, what followed is known."""
+    begun = []
+
+    def noted(problem, q, noise, *rest):
+        colour = [*noise["y"].coefficients, np.log(noise["y"].deviation)]
+        begun.append(np.concatenate([q, np.resize(np.append(colour, np.zeros(5)), 5)]))
+        return minimised(problem, q, noise, *rest)
+
+    minimised = prediction_error._minimised
+    monkeypatch.setattr(prediction_error, "_minimised", noted)
+    u = square(2000)
+    noise = lfilter([0.05], [1.0, -1.2, 0.5], np.random.default_rng(8).standard_normal(len(u)))
+    problem = problem_of(on_paper((1.2, 8.0, 0.6, 1.1), u) + noise, u)
+    found = fit(problem, problem.position(problem.start))
+    assert len(found.noise["y"].coefficients) == 2
+    coloured = [place for place in begun if place[len(NAMES)] > 0.5]
+    apart = [np.abs(a - b).max() for i, a in enumerate(coloured) for b in coloured[:i]]
+    assert len(begun) > len(coloured) + 1, "it began again"
+    assert min(apart, default=1.0) > 1e-2

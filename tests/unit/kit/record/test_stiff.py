@@ -182,6 +182,25 @@ def test_the_integrator_is_chosen_by_the_eigenvalues_and_the_clock():
     assert ladder_of(np.array([0.0, 1.0, 1.0])) is None  # refused by the simulation, in its words
 
 
+@pytest.mark.parametrize("decimals", [12, 9], ids=["even", "rounded"])
+@pytest.mark.parametrize("linear", [False, True], ids=["held", "linear"])
+def test_a_long_record_of_what_is_linear_is_exact_though_it_is_not_stiff(decimals, linear):
+    """First order, 600 samples a second: exponentials of the intervals as the clock has them, one step for each."""
+    a, count = 2.0, 2400
+    time = np.round(np.arange(count) / 600.0, decimals)
+    u = np.cumsum(np.random.default_rng(6).normal(size=count))
+    ran = CompiledModel(Sensed, ["a"]).run(time, {"u": u}, {"a": a}, linear, effort=1.01)
+    x, by_a = np.zeros(count), np.zeros(count)
+    for k, h in enumerate(np.diff(time)):
+        decay, slope = math.exp(-a * h), (u[k + 1] - u[k]) / h if linear else 0.0
+        # x' = a (u - x) with u = u_k + slope s: x settles to u - slope / a
+        rest = x[k] - u[k] + slope / a
+        x[k + 1] = u[k] + slope * h - slope / a + rest * decay
+        by_a[k + 1] = slope / a**2 * (1.0 - decay) + by_a[k] * decay - h * rest * decay
+    np.testing.assert_allclose(ran.signals["x"], x, atol=3e-11 * np.ptp(x))
+    np.testing.assert_allclose(ran.sensitivities["x"][:, 0], by_a, atol=3e-10 * np.ptp(by_a))
+
+
 def test_matrix_functions_are_those_of_higher_precision():
     """phi_k by their definition as integrals, in the top right of the exponential of an augmented matrix (Saad)."""
     ladder = ladder_of(STEP * np.arange(10))

@@ -1,0 +1,186 @@
+"""What a law may do besides: a function of a signal that it lacks, chosen from a table of shapes.
+
+A law that a model takes to be linear is a curve in truth: friction over velocity, a spring's force over its
+elongation, a voltage over charge. Each shape here adds to a law ``f(x)`` of one signal; at the neutral value of its
+first parameter the law gives the bits of the component below. :mod:`fmus.kit.generic` has those that engineers know by
+a name of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from .component import Component, Effect, Term
+from .declare import Declaration, Parameter
+from .errors import UserError, suggestion
+from .functions import absolute, exp, maximum, minimum, sqrt, tanh
+
+ANY = 1e12  # bound of parameters that may have any value, in nominal values
+_STEEPEST = 30.0  # exponent beyond which an exponential is cut off: ten million million times its unit
+_ROUND = 1e-6  # of the nominal signal, below which a square root is straight
+_SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical size
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A function of a signal, ``a f(x / w)``.
+
+    Attributes
+    ----------
+    form : callable
+        Of the signal, its width ``w`` and its nominal value.
+    power : float
+        Of the signal in the unit that ``a`` is divided by; 0 where ``f`` has no unit.
+    width : float
+        Where a search for ``w`` starts, in typical sizes of the signal; 0 where there is none.
+    text : str
+        The formula, for people.
+    least : float
+        Of ``a``, in nominal values.
+    """
+
+    form: Callable[[Any, Any, float], Any]
+    power: float
+    width: float
+    text: str
+    least: float = -ANY
+
+
+SHAPES: dict[str, Shape] = {
+    "linear": Shape(lambda x, w, s: x, 1, 0.0, "a x"),
+    "asymmetric": Shape(lambda x, w, s: absolute(x), 1, 0.0, "a |x|"),
+    "quadratic": Shape(lambda x, w, s: x * x, 2, 0.0, "a x^2"),
+    "odd_quadratic": Shape(lambda x, w, s: x * absolute(x), 2, 0.0, "a x |x|"),
+    "cubic": Shape(lambda x, w, s: x * (x * x), 3, 0.0, "a x^3"),
+    "saturating": Shape(lambda x, w, s: tanh(x / w), 0, 1.0, "a tanh(x / w)"),
+    "sign": Shape(lambda x, w, s: tanh(x / w), 0, _SHARP, "a tanh(x / w), w small", 0.0),
+    "exponential": Shape(lambda x, w, s: exp(minimum(x / w, _STEEPEST)) - 1.0, 0, 1.0, "a (exp(x / w) - 1)"),
+    "square_root": Shape(lambda x, w, s: x / sqrt(absolute(x) + _ROUND * s), 0.5, 0.0, "a x / sqrt(|x|)"),
+    "upper_stop": Shape(lambda x, w, s: maximum(x - w, 0.0), 1, 0.5, "a max(x - w, 0)"),
+    "lower_stop": Shape(lambda x, w, s: minimum(x + w, 0.0), 1, 0.5, "a min(x + w, 0)"),
+}
+
+
+def curve(
+    component: type[Component], law: str, signal: str, shape: str, unit: str = "1", nominal: float = 1.0,
+    scale: float | None = None, id: str = "", suffixes: tuple[str, ...] = (), qualifier: str = "",
+) -> type[Effect]:  # fmt: skip
+    """Let a law do more: a shape of one signal is added to it.
+
+    Parameters
+    ----------
+    component : type[Component]
+        Has the law and the signal.
+    law : str
+        Method that is added to.
+    signal : str
+        Input or state that it is a function of (x).
+    shape : str
+        One of `SHAPES`.
+    unit : str
+        SI unit of the law.
+    nominal : float
+        Typical magnitude of the law.
+    scale : float, optional
+        Typical magnitude of the signal; its nominal value unless given.
+    id : str, optional
+        Of the effect; the shape unless given.
+    suffixes : tuple of str, optional
+        Of the parameters' names behind the law's: of ``a``, and of ``w``.
+    qualifier : str, optional
+        What tells it from the same of another law.
+
+    Returns
+    -------
+    type[Effect]
+        With a parameter for ``a``, which switches it, and one for the width ``w`` if the shape has one.
+
+    Raises
+    ------
+    UserError
+        If the component has no such law or signal, or there is no such shape.
+    """
+    if shape not in SHAPES:
+        raise UserError(f"no shape named {shape!r}{suggestion(shape, SHAPES)}")
+    chosen, of = SHAPES[shape], variable(component, signal)
+    size = scale or of.nominal
+    amount, width = (
+        f"{law}_{end}" for end in ((*suffixes, "") if len(suffixes) == 1 else suffixes or (shape, f"{shape}_width"))
+    )
+
+    def more(self: Any) -> Any:
+        x = getattr(self, signal)
+        return getattr(self, amount) * chosen.form(x, getattr(self, width) if chosen.width else 1.0, of.nominal)
+
+    members: dict[str, Any] = {
+        "assumption": f"{law} has no part {chosen.text} of {signal}",
+        amount: coefficient(
+            per(unit, of.unit, chosen.power), nominal / size**chosen.power,
+            f"part {chosen.text} of {law}, x being {signal} (a)", least=chosen.least,
+        ),
+    }  # fmt: skip
+    if chosen.width:
+        begin = chosen.width * size
+        # a stop may be anywhere; a width is none at zero
+        least = -ANY * size if chosen.power else 1e-9 * size
+        members[width] = Parameter(
+            begin, of.unit, min=least, max=1e3 * size, nominal=begin, doc=f"{signal} at which {law} bends (w)"
+        )
+    given = (law, signal, shape, unit, nominal, scale, id, suffixes, qualifier)
+    about = {"id": id or shape, "term": Term(law, signal, chosen.text, f"{law} over {signal}", qualifier)}
+    return added(curve, component, given, more, members | about)
+
+
+def variable(component: type[Component], name: str) -> Declaration:
+    """Look up the declared input or state that an effect depends on."""
+    known = {v.name: v for v in (*component.layout.inputs, *component.layout.states, *component.layout.discretes)}
+    if name not in known:
+        raise UserError(f"{_label(component)}: no input or state named {name!r}{suggestion(name, known)}")
+    return known[name]
+
+
+def coefficient(unit: str, nominal: float, doc: str, least: float = -ANY) -> Any:
+    """Declare the parameter that switches an effect; without it at 0."""
+    return Parameter(0.0, unit, min=least * nominal, max=ANY * nominal, nominal=nominal, doc=f"{doc}; 0 is without")
+
+
+def per(unit: str, below: str, power: float = 1) -> str:
+    """Unit of a coefficient that is multiplied by a variable, or by a power of it."""
+    if not power or below == "1":
+        return unit
+    above, under = (f"({u})" if "/" in u or "*" in u else u for u in (unit, below))
+    return f"{above}/{under}" + (f"^{power:g}" if power != 1 else "")
+
+
+def added(
+    make: Callable[..., type[Effect]], component: type[Component], arguments: tuple[Any, ...],
+    more: Callable[[Any], Any], members: dict[str, Any],
+) -> type[Effect]:  # fmt: skip
+    """Make the effect that adds to a law; the first parameter among the members switches it."""
+    law = arguments[0]
+    if not callable(getattr(component, law, None)):
+        raise UserError(f"{_label(component)}: no law named {law!r}")
+
+    def enlarged(self: Any) -> Any:
+        return getattr(super(effect, self), law)() + more(self)
+
+    about = {
+        "id": make.__name__,
+        "term": Term(law),
+        "neutral": next(name for name, value in members.items() if isinstance(value, Declaration)),
+        "made_by": make,
+        "made_with": arguments,
+        "__doc__": str(make.__doc__).partition("\n\n    Parameters\n")[0],
+        "__module__": __name__,
+        law: enlarged,
+    }  # fmt: skip
+    body = about | members
+    title = f"{body['id']}_of_{law}".title().replace("_", "")
+    effect: type[Effect] = type(title, (Effect,), body)
+    return effect
+
+
+def _label(component: type[Component]) -> str:
+    return component.name or component.__name__
