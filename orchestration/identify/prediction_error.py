@@ -27,11 +27,10 @@ PRIOR_STD = 1.0
 _BISECTIONS = 6
 _CURVED = 0.1  # of the curvature that is expected, below which the one observed is chance
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
-
-
 # Fits begun again without the colour of the noise; one or two do where the model can follow the record, and where it
 # cannot, as with a wrong unit, each gains a little and dozens would follow.
 _AGAIN = 4
+_BRIEF = 12  # trial points of such a fit without colour: the coloured one goes on from where it has come to
 
 
 @dataclass(frozen=True)
@@ -165,11 +164,10 @@ def fit(
     UserError
         If the simulation fails where the search starts.
     """
-    low, high = problem.bounds()
     prior = _prior(problem, physical, prior_std)
 
-    def one_pass(q: Array, noise: Mapping[str, Noise]) -> FitResult:
-        end = _minimised(problem, q, noise, prior, method)
+    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = 200) -> FitResult:
+        end = _minimised(problem, q, noise, prior, method, trials)
         return _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
 
     def iterate(fitted: FitResult) -> FitResult:
@@ -180,14 +178,14 @@ def fit(
                 return min(best, fitted, key=lambda f: f.bic)
         return fitted
 
-    q = np.clip(problem.inside(start), low, high)
+    q = np.clip(problem.inside(start), *problem.bounds())
     begin = one_pass(q, noise or white(problem.evaluate(q)[0]))
     best, without = iterate(begin), None if noise else begin  # the latter is what a pass without colour came to
     for _ in range(_AGAIN):
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
             break
         # a colour that has swallowed what the model could follow keeps it from following: once more without
-        again = one_pass(best.q, white(best.residual))
+        again = one_pass(best.q, white(best.residual), _BRIEF)
         # from where the pass without colour ended before, all would go as before
         same = without is not None and abs(without.bic - again.bic) < method.settled
         other, without = again if same else iterate(again), again
@@ -287,7 +285,9 @@ def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> A
     return np.asarray(begin + near * (end - begin))
 
 
-def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method) -> Minimum:
+def _minimised(
+    problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method, trials: int
+) -> Minimum:
     """Fit with noise that is given."""
 
     def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
@@ -303,10 +303,10 @@ def _minimised(problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _P
         tailed = {o: slope[:, np.newaxis] for o, (_, slope) in rooted(q).items() if noise[o].freedom < np.inf}
         return np.vstack([*(tailed[o] * w if o in tailed else w for o, w in whitened.items()), prior.jacobian])
 
-    tolerance = method.tolerance / problem.samples
-    best = minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance)
+    end = method.tolerance / problem.samples, trials
+    best = minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), *end)
     while (other := problem.beyond(best.q)) is not None:
-        tried = minimise(problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), tolerance)
+        tried = minimise(problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), *end)
         if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
         best = tried

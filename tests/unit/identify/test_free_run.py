@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from fmus.kit import Component, Input, Output, Parameter, State, where
 from orchestration.identify import prediction_error
 from orchestration.identify.covariance import covariance, heteroscedastic
+from orchestration.identify.least_squares import minimise
 from orchestration.identify.noise import white
 from orchestration.identify.prediction_error import fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
@@ -98,6 +99,25 @@ def test_an_autoregression_does_not_take_over_what_the_simulation_should_explain
     for candidate in (likeliest, strayed):
         taken = trusted(problem, candidate, free_run).residual["y"]
         assert np.sqrt(taken @ taken) <= 1.02 * np.sqrt(least @ least)
+
+
+def test_a_look_without_colour_is_brief(monkeypatch):
+    """Only where it leads matters, for the fit in coloured noise goes on from there; in a valley it would be long."""
+    u, allowed = square(1500), []
+
+    def spied(*arguments):
+        allowed.append(arguments[-1])
+        return minimise(*arguments)
+
+    monkeypatch.setattr(prediction_error, "minimise", spied)
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + lfilter(
+        [0.02], [1.0, -1.5, 0.7], np.random.default_rng(2).standard_normal(u.size)
+    )
+    problem = problem_of(y, u)
+    fitted = fit(problem, fit_free_run(problem, starting_points(problem)).q)
+    assert len(fitted.noise["y"].coefficients) > 1
+    assert allowed[0] >= 200  # the first of all goes to its end
+    assert 12 in allowed
 
 
 def test_a_search_is_kept_from_straying():
