@@ -92,6 +92,7 @@ def arm(
         "id": id or kind,
         "term": Term(law, signal, text, f"{law} remembering {signal}", qualifier),
         "assumption": f"{law} remembers nothing of {signal}",
+        "__doc__": f"More in {law}: {text}, x = {signal}; a = 0 is the base model.",
         amount: coefficient(switch_unit, switch_size, f"part of {law} that remembers {signal} (a)", least=least),
         time: Parameter(
             constant, constant_unit, min=1e-3 * min(constant, 1.0), max=1e9, nominal=constant,

@@ -115,7 +115,8 @@ def curve(
         return getattr(self, amount) * chosen.form(x, getattr(self, width) if chosen.width else 1.0, of.nominal)
 
     members: dict[str, Any] = {
-        "assumption": f"{law} has no part {chosen.text} of {signal}",
+        "assumption": f"{law} has no part {chosen.text} with x = {signal}",
+        "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, of.unit, chosen.power), nominal / size**chosen.power,
             f"part {chosen.text} of {law}, x being {signal} (a)", least=chosen.least,

@@ -11,6 +11,8 @@ units; a law declares none, so its unit is an argument here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from .arms import arm
 from .component import Component, Effect, Term
 from .curves import added, coefficient, curve
@@ -46,9 +48,10 @@ def coulomb_friction(
     UserError
         If the component has no such law or variable.
     """
-    return curve(
+    effect = curve(
         component, law, velocity, "sign", unit, nominal, None, "coulomb_friction", ("coulomb", "coulomb_velocity")
     )
+    return _known(effect, coulomb_friction, "friction is viscous")
 
 
 def asymmetric_friction(
@@ -79,7 +82,8 @@ def asymmetric_friction(
     -----
     Janot, Gautier, Brunot: Data set and reference models of EMPS, Nonlinear System Identification Benchmarks, 2019.
     """
-    return curve(component, law, velocity, "asymmetric", unit, nominal, None, "asymmetric_friction", ("asymmetry",))
+    effect = curve(component, law, velocity, "asymmetric", unit, nominal, None, "asymmetric_friction", ("asymmetry",))
+    return _known(effect, asymmetric_friction, "friction is the same in both directions")
 
 
 def force_offset(component: type[Component], law: str, unit: str = "N", nominal: float = 1.0) -> type[Effect]:
@@ -132,7 +136,8 @@ def cubic_stiffness(
     UserError
         If the component has no such law or variable.
     """
-    return curve(component, law, position, "cubic", unit, nominal, None, "cubic_stiffness", ("cubic",))
+    effect = curve(component, law, position, "cubic", unit, nominal, None, "cubic_stiffness", ("cubic",))
+    return _known(effect, cubic_stiffness, "the spring is linear")
 
 
 def extra_kelvin(
@@ -171,4 +176,12 @@ def extra_kelvin(
     """
     own = f"{ordinal}_{law}"
     names = f"{own}_compliance", f"{own}_time", f"{own}_force"
-    return arm(component, law, load, "lagging", time, unit, nominal, None, f"{ordinal}_kelvin", names)
+    effect = arm(component, law, load, "lagging", time, unit, nominal, None, f"{ordinal}_kelvin", names)
+    return _known(effect, extra_kelvin, "creep has no further time constant")
+
+
+def _known(effect: type[Effect], make: Callable[..., type[Effect]], assumption: str) -> type[Effect]:
+    """Let an effect be described as engineers know it."""
+    effect.__doc__ = str(make.__doc__).partition("\n\n    Parameters\n")[0]
+    effect.assumption = assumption
+    return effect
