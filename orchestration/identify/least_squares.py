@@ -114,7 +114,8 @@ class _Search:
         SciPy's first step may go.
         """
         origin, begin, free = self.best, self._rows, self.free
-        effect, wrong = np.linalg.norm(self._jacobian(origin)[:, free], axis=0), np.sqrt(self.least)
+        at_origin = [self._jacobian(origin)[:, free]]  # it may cost as many simulations as there are coordinates
+        effect, wrong = np.linalg.norm(at_origin[0], axis=0), np.sqrt(self.least)
         size, start = wrong / np.maximum(effect, wrong), np.full(int(free.sum()), free.sum() ** -0.5)
         known = True  # the first point, even if there is no time for any other
 
@@ -131,7 +132,7 @@ class _Search:
             return begin
 
         def slopes(steps: Array) -> Array:
-            return self._jacobian(moved(steps))[:, free] * size
+            return (at_origin.pop() if at_origin else self._jacobian(moved(steps))[:, free]) * size
 
         ends = start + (low - origin)[free] / size, start + (high - origin)[free] / size
         solution = least_squares(

@@ -137,3 +137,19 @@ def test_a_search_that_is_ended_keeps_its_best_point():
     costs = [float((valley(10.0)[0](q) ** 2).sum()) for q in asked[:6]]
     assert not found.converged
     assert found.q == pytest.approx(asked[int(np.argmin(costs))])
+
+
+def test_slopes_are_asked_for_once_at_a_point():
+    """They may be differences, each of a simulation of its own."""
+    asked = []
+
+    def slopes(q):
+        asked.append(q.tobytes())
+        return np.array([[1.0, 0.0], [0.0, 2.0 * q[1]], [1.0, 1.0]])
+
+    found = minimise(
+        lambda q: np.array([q[0] - 1.0, q[1] ** 2 - 4.0, q.sum() - 3.0]), slopes, np.array([5.0, 5.0]),
+        np.full(2, -10.0), np.full(2, 10.0),
+    )  # fmt: skip
+    assert found.q == pytest.approx([1.0, 2.0], abs=1e-3)
+    assert len(asked) <= len(set(asked)) + 1  # the best point once more if a search begins anew there
