@@ -123,7 +123,6 @@ def test_slow_bytes(engine):
         assert steps(engine, 0, 10)[-1]["link_state"] == CONNECTED
 
 
-@pytest.mark.real_time(limit=0.5 * TIMES["deadline"])  # deadlines are counted
 @pytest.mark.parametrize("on_stale", ["hold", "fail"])
 def test_a_connection_cut_in_the_middle_of_a_frame(engine, on_stale):
     rig = ScriptedRig(COUNT)
@@ -137,7 +136,8 @@ def test_a_connection_cut_in_the_middle_of_a_frame(engine, on_stale):
         client.sendall(data)
 
     with served(rig) as behind, listening(relay(behind, spoil)) as endpoint:
-        started(engine, endpoint, on_stale=on_stale)
+        # A handshake is a dozen turns of four threads: the deadline leaves a busy machine time for one.
+        started(engine, endpoint, on_stale=on_stale, deadline=0.2, max_age=0.7, communication_timeout=1.0)
         steps(engine, 0, 3)
         cut["now"] = True
         answers = steps(engine, 3, 30)
@@ -152,7 +152,7 @@ def test_a_connection_cut_in_the_middle_of_a_frame(engine, on_stale):
             last = steps(engine, k, 1)[-1]
             k += 1
     if on_stale == "fail":
-        assert "max_age is 0.2 s" in last.message
+        assert "max_age is 0.7 s" in last.message
     else:
         assert last["link_state"] == LOST
 
