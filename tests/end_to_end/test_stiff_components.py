@@ -1,4 +1,4 @@
-"""Claims: stiff components are diagnosed like the actuator: one changed parameter is found, in seconds.
+"""Claims: stiff and sampled components are diagnosed like the actuator: one changed parameter is found, in seconds.
 
 Their records are simulated here by matrix exponentials and by SciPy on equations written anew, none by the kit.
 """
@@ -123,6 +123,36 @@ def foot(r_pl):
     return time, {"ankle_angle": ankle, "mtp_angle": mtp}, dict(zip(names, lengths, strict=True))
 
 
+def estimator(forgetting_time):
+    """Five minutes at 10 Hz of recursive least squares over an actuator whose R1 comes and goes; eqs. 4.6 to 4.9."""
+    count, step, R2, C, held, random = 3000, 0.1, 2.35, 2.7, 0.0, np.random.default_rng(9)
+    time = step * np.arange(count)
+    current = 0.9 * np.sign(np.sin(0.4 * np.pi * time + 0.1))
+    R1 = 0.43 * (1.0 + 0.3 * np.sin(2.0 * np.pi * time / 120.0))
+    voltage = np.zeros(count)
+    for k in range(count):  # R2 across R1 and C in series; C holds `held`, in volts
+        voltage[k] = R2 * (R1[k] * current[k] + held) / (R1[k] + R2)
+        final, decay = R2 * current[k], math.exp(-step / ((R1[k] + R2) * C))
+        held = final + (held - final) * decay
+    voltage += 5e-3 * random.standard_normal(count)
+
+    left, theta, covariance = 0.1 ** (step / forgetting_time), np.zeros(3), 1e4 * np.eye(3)
+    circuits = np.zeros((count, 3))
+    for k in range(1, count):
+        phi = np.array([current[k], current[k - 1], -voltage[k - 1]])
+        gain = covariance @ phi / (left + phi @ covariance @ phi)
+        theta = theta + gain * (voltage[k] - phi @ theta)
+        covariance = (covariance - np.outer(gain, phi @ covariance)) / left
+        b0, b1, a = theta
+        circuits[k] = circuits[k - 1]
+        if -1.0 < a < 0.0 < b0 and min(b0 + b1, b1 - a * b0) > 0.0:
+            leak = (b0 + b1) / (1.0 + a)
+            series = b0 * leak / (leak - b0)
+            circuits[k] = series, leak, -step / (math.log(-a) * (series + leak))
+    shown = np.vstack([np.zeros(3), circuits[:-1]])  # a sample shows at the next point
+    return time, {"current": current, "voltage": voltage}, dict(zip(("R1", "R2", "C"), shown.T, strict=True))
+
+
 @dataclass(frozen=True)
 class Case:
     """A component, the parameter that is changed, and what is known."""
@@ -140,6 +170,10 @@ CASES = {
     "galvanostat": Case(galvanostat, "current_limit", 1.3, 1.1, {"current": 1e-3}, {"response_time": 4e-3}),
     "voice_coil_dma": Case(
         voice_coil, "R", 3.0, 3.6, {"coil_current": 1e-3, "position_measured": 1e-5}, {"controller_on": 0.0}
+    ),
+    "degradation_estimator": Case(
+        estimator, "forgetting_time", 60.0, 90.0, dict.fromkeys(("R1", "R2", "C"), 1e-3),
+        {"instrumental_variable": 0.0, "maximum_trace": 1e15, "forgetting_time": 60.0}, free=("forgetting_time",),
     ),
     "foot": Case(
         foot, "r_pl", 16.3e-3, 18e-3, dict.fromkeys(("an_length", "po_length", "do_length", "pl_length"), 1e-5),
@@ -166,7 +200,14 @@ def diagnosed(name, actual, seed):
 
 
 @pytest.mark.parametrize(
-    "name", ["galvanostat", "voice_coil_dma", "foot", pytest.param("foot_dynamic", marks=pytest.mark.slow)]
+    "name",
+    [
+        "galvanostat",
+        "voice_coil_dma",
+        "degradation_estimator",
+        "foot",
+        pytest.param("foot_dynamic", marks=pytest.mark.slow),
+    ],
 )
 def test_a_changed_parameter_of_a_stiff_component_is_found(name):
     case = CASES[name]
@@ -177,7 +218,7 @@ def test_a_changed_parameter_of_a_stiff_component_is_found(name):
     assert not budget.notes
 
 
-@pytest.mark.parametrize("name", ["galvanostat", "voice_coil_dma", "foot"])
+@pytest.mark.parametrize("name", ["galvanostat", "voice_coil_dma", "degradation_estimator", "foot"])
 def test_a_clean_record_of_a_stiff_component_is_consistent(name):
     found, _ = diagnosed(name, CASES[name].nominal, 8)
     assert (found.verdict, found.causes) == (Verdict.CONSISTENT, [])

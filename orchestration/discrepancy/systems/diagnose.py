@@ -31,7 +31,7 @@ from orchestration.system.check import check, interface
 
 Array = NDArray[np.float64]
 _LOOP_STEP = 5.0  # communication steps of the system that are made at once while two members hold each other
-_LOOP_SIMULATIONS = 50  # at most: they take several times as long
+_LOOP_SIMULATIONS = 120  # at most: they take several times as long; a foot has 48 parameters to look at
 _SHORTEST = 100  # samples
 
 
