@@ -27,10 +27,8 @@ PRIOR_STD = 1.0
 _BISECTIONS = 6
 _CURVED = 0.1  # of the curvature that is expected, below which the one observed is chance
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
-# Fits begun again without the colour of the noise; one or two do where the model can follow the record, and where it
-# cannot, as with a wrong unit, each gains a little and dozens would follow.
-_AGAIN = 4
-_BRIEF = 12  # trial points of such a fit without colour: the coloured one goes on from where it has come to
+# Trial points of a fit without colour that is begun once more: the coloured one goes on from where it has come to.
+_BRIEF = 12
 
 
 @dataclass(frozen=True)
@@ -45,11 +43,23 @@ class Method:
         Of fitting with a noise model and estimating the noise model from the residual, at most.
     settled : float
         Fall of BIC from one pass to the next that ends them.
+    trials : int
+        Points that a pass may try.
+    again : int
+        How often a fit is begun again without the colour of the noise, at most.
     """
 
     tolerance: float = 0.05
     passes: int = 3
     settled: float = 0.5
+    trials: int = 200
+    # one or two do where the model can follow the record, and where it cannot, as with a wrong unit, each gains a
+    # little and dozens would follow
+    again: int = 4
+
+
+FULLY = Method()
+GLANCE = Method(passes=1, trials=_BRIEF, again=0)  # how far a fit goes that only tells whether to make it
 
 
 @dataclass(frozen=True)
@@ -135,7 +145,7 @@ def fit(
     noise: Mapping[str, Noise] | None = None,
     physical: NDArray[np.bool_] | None = None,
     prior_std: float = PRIOR_STD,
-    method: Method = Method(),
+    method: Method = FULLY,
     farthest: float = np.inf,
 ) -> FitResult:
     """Fit the searched parameters of a problem, and the noise of its outputs in turn.
@@ -166,7 +176,7 @@ def fit(
     """
     prior = _prior(problem, physical, prior_std)
 
-    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = 200) -> FitResult:
+    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = method.trials) -> FitResult:
         end = _minimised(problem, q, noise, prior, method, trials)
         return _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
 
@@ -181,7 +191,7 @@ def fit(
     q = np.clip(problem.inside(start), *problem.bounds())
     begin = one_pass(q, noise or white(problem.evaluate(q)[0]))
     best, without = iterate(begin), None if noise else begin  # the latter is what a pass without colour came to
-    for _ in range(_AGAIN):
+    for _ in range(method.again):
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
             break
         # a colour that has swallowed what the model could follow keeps it from following: once more without
@@ -200,7 +210,7 @@ def fit_free_run(
     starts: Sequence[Array],
     physical: NDArray[np.bool_] | None = None,
     prior_std: float = PRIOR_STD,
-    method: Method = Method(),
+    method: Method = FULLY,
 ) -> FitResult:
     """Fit the free run by plain least squares, and assess it in the noise that its residual shows.
 

@@ -70,7 +70,10 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
     bounds = low - here, high - here
     directions = []
     for second in _grid(others, declared):
-        base, slopes = problem.evaluate(problem.position(problem.start | second))
+        try:
+            base, slopes = problem.evaluate(problem.position(problem.start | second))
+        except UserError:  # with such a shape it cannot be simulated
+            continue
         local = {output: slope[:, at].astype(np.float32) for output, slope in slopes.items()}
         if any(column.any() for column in local.values()):
             directions.append(ScoreDirection(second | {switch: neutral}, local, *bounds))

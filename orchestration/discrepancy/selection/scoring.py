@@ -69,8 +69,8 @@ def confounding(scored: ScoredModel, effect: type[Effect], others: Sequence[type
     return dict(zip(map(label, scorable), side_by_side(most, scorable), strict=True))
 
 
-def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[ScreenedCandidate]:
-    """Effects that may be worth a fit over a fitted model, the most promising first."""
+def screen(scored: ScoredModel, effects: Sequence[type[Effect]], most: int) -> list[ScreenedCandidate]:
+    """Effects over a fitted model, the most promising first: so many of those that either whitening puts first."""
     model = LinearisedModel(scored.model.problem, scored.model.fit)
     scorable = [effect for effect in effects if effect in scored.directions]
     statistics = side_by_side(
@@ -85,7 +85,7 @@ def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[Screene
             for effect, rows in zip(scorable, statistics, strict=True)
             if rows
         ]
-        for _, effect, rows in sorted(best, key=lambda row: -row[0])[:PROMISING]:
+        for _, effect, rows in sorted(best, key=lambda row: -row[0])[:most]:
             k = max(range(len(rows)), key=lambda k: rows[k][whitening])
             chosen[effect, k] = scored.directions[effect][1][k]
 
@@ -98,6 +98,5 @@ def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[Screene
 
     result: dict[type[Effect], ScreenedCandidate] = {}
     for candidate in sorted(side_by_side(predicted, list(chosen.items())), key=lambda c: -c.predicted.fall):
-        if candidate.predicted.fall > WORTH:
-            result.setdefault(candidate.effect, candidate)
-    return list(result.values())[:PROMISING]
+        result.setdefault(candidate.effect, candidate)
+    return list(result.values())

@@ -16,7 +16,7 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate, Scree
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import Note
 from orchestration.identify.noise import Noise
-from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
+from orchestration.identify.prediction_error import FULLY, PRIOR_STD, FitResult, Method, fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, pooled_error, starting_points
 from orchestration.records.joined import base_name, names_in
@@ -100,14 +100,14 @@ class Search:
             free_run = fit_free_run(problem, [at_rest], self._physical(problem))
         return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
-    def fit_extended(self, screened: ScreenedCandidate) -> FittedCandidate:
+    def fit_extended(self, screened: ScreenedCandidate, method: Method = FULLY) -> FittedCandidate:
         """Fit a model with one more effect."""
         below = screened.below
         candidate = below.candidate.with_effect(screened.effect)
         problem = self._problem(candidate)
         beside = below.problem.values(below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE))
         q = problem.position(problem.start | beside | screened.start)
-        return FittedCandidate(candidate, problem, self._fit(problem, q, screened.predicted.noise))
+        return FittedCandidate(candidate, problem, self._fit(problem, q, screened.predicted.noise, method=method))
 
     def refine(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit once more from beside the optimum: a kink or a time constant has several; and not at rest."""
@@ -169,18 +169,25 @@ class Search:
     def _problem(self, candidate: Candidate) -> Problem:
         return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
 
-    def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
+    def fit_from(
+        self, candidate: Candidate, around: FittedCandidate, start: Mapping[str, float] | None = None
+    ) -> FittedCandidate:
+        """Fit a candidate from where another stands, or from a point of its own, and in the noise of the other."""
         problem = self._problem(candidate)
-        q = problem.position(problem.start | dict(start))
+        q = problem.position(problem.start | dict(around.fit.values if start is None else start))
+        return FittedCandidate(candidate, problem, self._fit(problem, q, around.fit.noise))
+
+    def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
         try:
-            return FittedCandidate(candidate, problem, self._fit(problem, q, fitted.fit.noise))
+            return self.fit_from(candidate, fitted, start)
         except FAILURES:
             return fitted
 
     def _fit(
-        self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
-    ) -> FitResult:
-        fitted = fit(problem, q, noise, self._physical(problem), prior_std, farthest=self.farthest)
+        self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD,
+        method: Method = FULLY,
+    ) -> FitResult:  # fmt: skip
+        fitted = fit(problem, q, noise, self._physical(problem), prior_std, method, self.farthest)
         problem.forget()  # of many candidates few are looked at again
         return fitted
 

@@ -1,0 +1,99 @@
+"""Effects judged together: the set that is named is the best of all sets, which here can be computed by regression."""
+
+from __future__ import annotations
+
+from itertools import chain, combinations
+
+import numpy as np
+import pytest
+
+from fmus.kit import Effect, Parameter
+from fmus.kit.sensors import measurement_effects
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.selection.revision import revised
+from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.stepwise import select
+from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record
+
+SHARE = 0.2  # of what only the mixture does
+# Polynomials of a Gaussian signal without a mean, which an autoregression might take for noise (Hermite).
+SHAPES = {
+    "even": lambda s: s * s - 1.0,
+    "odd": lambda s: s * s * s - 3.0 * s,
+    "mixture": lambda s: (s * s - 1.0) + (s * s * s - 3.0 * s) + SHARE * (s * s * s * s - 6.0 * s * s + 3.0),
+}
+
+
+def effect(name):
+    """Some of a shape more, in volts."""
+
+    def amplified(self):
+        return super(made, self).amplified() + getattr(self, name) * SHAPES[name](self.signal)
+
+    amplified.__doc__ = "Add it."
+    declared = Parameter(0.0, "V", min=-1e3, max=1e3, nominal=0.1, doc="how much of it")
+    made = type(name.title(), (Effect,), {
+        "__doc__": "More of a shape.", "__module__": __name__, "id": name, "assumption": "nothing is added",
+        "neutral": name, name: declared, "amplified": amplified,
+    })  # fmt: skip
+    return made
+
+
+EFFECTS = [effect(name) for name in SHAPES]
+
+
+def columns(signal):
+    """What the model and each effect does to the output."""
+    return {"": signal} | {name: shape(signal) for name, shape in SHAPES.items()}
+
+
+def best_set(data):
+    """Of all sets of effects the one of the least BIC, with the price of having looked at so many."""
+    there = columns(data.inputs["signal"])
+    names = [name for name in there if name]
+
+    def bic(chosen):
+        table = np.column_stack([there[""], *(there[n] for n in chosen)])
+        left = data.measured["shown"] - table @ np.linalg.lstsq(table, data.measured["shown"])[0]
+        return COUNT * np.log(np.mean(left**2)) + len(chosen) * (np.log(COUNT) + 2.0 * np.log(len(names)))
+
+    sets = chain.from_iterable(combinations(names, k) for k in range(len(names) + 1))
+    return set(min(sets, key=bic))
+
+
+def record(parts, seed):
+    """A record with so much of every effect, in noise widths."""
+    random = np.random.default_rng(seed)
+    signal = random.standard_normal(COUNT)
+    hidden = sum(SPREAD * size * columns(signal)[name] for name, size in parts.items())
+    shown = GAIN * signal + hidden + SPREAD * random.standard_normal(COUNT)
+    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown})
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_what_was_taken_for_the_sum_of_two_causes_does_not_stay_beside_them(seed):
+    data = record({"even": 1.0, "odd": 1.0}, seed)
+    search = Search(data, Amplifier, ["gain"])
+    forward = select(search, EFFECTS)
+    assert forward.steps[0].chosen.effect_name == "mixture"  # otherwise this record shows nothing
+    together = revised(search, forward, EFFECTS)
+    assert {step.chosen.effect_name for step in together.steps} == best_set(data) == {"even", "odd"}
+    assert all(step.gain > 10.0 for step in together.steps)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_what_is_needed_stays(seed):
+    data = record({"mixture": 1.0, "odd": -0.8}, seed)
+    search = Search(data, Amplifier, ["gain"])
+    together = revised(search, select(search, EFFECTS), EFFECTS)
+    assert {step.chosen.effect_name for step in together.steps} == best_set(data) == {"mixture", "odd"}
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_physics_takes_the_credit_where_a_sensor_explains_no_more(order):
+    """An offset of what is shown is one of how it is measured, to the last digit."""
+    sensor = next(e for e in measurement_effects(Amplifier) if e.id == "sensor_offset")
+    search = Search(offset_record(60.0, 1), Amplifier, ["gain"])
+    (step,) = select(search, [sensor, OFFSET][::order]).steps
+    assert step.chosen.effect_name == "force_offset"
+    assert [other.effect_name for other in step.alternatives] == ["sensor_offset(shown)"]
