@@ -61,7 +61,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
 
 
 def _of_class(name: str, cls: type[Component]) -> _Facts:
-    from fmus.kit.build.provenance import effect_name
+    from fmus.kit.component import effect_name
     from orchestration.fmu.effects import known_effects
     from orchestration.fmu.signal import declared_signal
 
