@@ -12,7 +12,9 @@ from .base import ActuatorEffect
 _SHORTEST_LAG = 0.05
 # z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the slope below 1e-12.
 _SMALL = 1e-6
-_STRAIN, _BEHIND = "charge_elongation over charge", "charge_elongation remembering charge"
+# Charge of both signs parts what is even in it from what is odd, so these are two causes.
+_EVEN, _ODD = (f"{part} part of charge_elongation over charge" for part in ("even", "odd"))
+_BEHIND = "charge_elongation remembering charge"
 _SOFTNESS = "spring_elongation over charge"
 
 
@@ -44,7 +46,7 @@ class QuadraticStrain(ActuatorEffect):
 
     id = "quadratic_strain"
     neutral = "beta"
-    term = Term("charge_elongation", "charge", "beta Q^2", _STRAIN)
+    term = Term("charge_elongation", "charge", "beta Q^2", _EVEN)
     assumption = 5
 
     beta = Parameter(
@@ -66,7 +68,7 @@ class UnequalStrain(ActuatorEffect):
     id = "quadratic_strain"
     neutral = "strain_asymmetry"
     assumption = 5
-    term = Term("charge_elongation", "charge", "beta_1 |Q|", _STRAIN, "modulus")
+    term = Term("charge_elongation", "charge", "beta_1 |Q|", _EVEN, "modulus")
 
     strain_asymmetry = Parameter(
         0.0, "m/C", min=-1.0, max=1.0, nominal=1e-5, display="mm/C", doc="displacement per modulus of the charge"
@@ -87,7 +89,7 @@ class StrainSaturation(ActuatorEffect):
 
     id = "strain_saturation"
     neutral = "strain_saturation_coefficient"
-    term = Term("charge_elongation", "charge", "alpha Q_sat tanh(Q / Q_sat)", _STRAIN)
+    term = Term("charge_elongation", "charge", "alpha Q_sat tanh(Q / Q_sat)", _ODD)
     assumption = 5
 
     strain_saturation_coefficient = Parameter(
@@ -114,7 +116,7 @@ class SlowStrainSaturation(ActuatorEffect):
     id = "strain_saturation"
     neutral = "strain_levelling"
     assumption = 5
-    term = Term("charge_elongation", "charge", "alpha Q / (1 + c_1 |Q|)", _STRAIN, "slow")
+    term = Term("charge_elongation", "charge", "alpha Q / (1 + c_1 |Q|)", _ODD, "slow")
 
     strain_levelling = Parameter(
         0.0, "1/C", min=0, max=1e3, nominal=0.05, doc="inverse of the charge at which elongation is half of alpha Q"
