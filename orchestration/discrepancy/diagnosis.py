@@ -229,9 +229,7 @@ def diagnose(
         *([] if inconclusive else reservations(final, physical)),
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
-        *([Note(NoteCode.SOMETHING_LEFT)] if left and selection.steps else []),
-        *_remarks(selection, residuals, astray),
-        *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
+        *_remarks(selection, residuals, [*astray, *_doubts(predictions, left)]),
         *search.budget.notes,
     ]
     unknown = inconclusive or (unfitted and not selection.steps)
@@ -284,6 +282,16 @@ def _gained(predictions: Sequence[Prediction]) -> bool:
     """Whether the error fell in some output and grew in none."""
     before, after = predictions[0].errors, predictions[-1].errors
     return any(after[o] < before[o] for o in before) and not any(after[o] > DEGRADED * before[o] for o in before)
+
+
+def _doubts(predictions: Sequence[Prediction], left: bool) -> list[Note]:
+    """What stands beside causes that were named: something left, and an error that is not smaller where it was judged."""
+    if len(predictions) == 1:
+        return []
+    return [
+        *([Note(NoteCode.SOMETHING_LEFT)] if left else []),
+        *([] if _gained(predictions) else [Note(NoteCode.NO_GAIN)]),
+    ]
 
 
 def _remarks(selection: Selection, residuals: Mapping[str, ResidualAnalysis], astray: Sequence[Note]) -> list[Note]:

@@ -79,7 +79,7 @@ def _summary(made: Page, result: Result) -> None:
         if not data.even:
             why = "is sampled unevenly, so every third sample was held out"
         made.parts.append(elements.aside(
-            f"{' and '.join(diagnosis.residuals)}: {result.record.source.name} {why}: fitted to {fitted} samples, "
+            f"{' and '.join(diagnosis.residuals)}: {result.record.source.name} {why}: fitted to {fitted}, "
             f"judged on {judged}."
         ))  # fmt: skip
         return

@@ -20,8 +20,8 @@ from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome
 from orchestration.discrepancy.validation.paired_score import PairedScore
+from tests.support.cubic_regression import drawn_scores
 from tests.support.regression_model import OFFSET, OTHERS, STEP, Amplifier, offset_record
-from tests.unit.discrepancy.validation.test_paired_score import drawn_scores
 
 CUBE = OTHERS[-1]
 NOISE, COUNT = 0.1, 1500
