@@ -9,7 +9,6 @@ interrupted run goes on where it stopped.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import tempfile
@@ -18,15 +17,19 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.kept import judged
 from benchmarks.tables import Table, Topic
 from fmus.kit.errors import UserError
 from tests.support.clean.judge import least_squares_fit, pooled_error
 from tests.support.clean.records import KINDS, Case, CleanRecord, cases, draw
 from tests.support.clean.stimuli import SMOOTH
+
+if TYPE_CHECKING:
+    from orchestration.api.diagnosis import DiagnosisResult
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "clean-records.md"
@@ -52,26 +55,38 @@ def judge(case: Case, fitted: bool = True) -> Row:
     fitted : bool
         Whether plain least squares is made as well, which takes longer than the diagnosis.
     """
+    drawn = draw(case)
+    result, row = diagnosed(drawn)
+    row = asdict(case) | row
+    if result is None:
+        return row
+    values = {n: e.value for n, e in result.parameters.items()}
+    linear = [*(result.details.diagnosis.estimation.linear or ())]
+    return row | (_errors(drawn, values, linear) if not result.causes else {}) | (_least(drawn) if fitted else {})
+
+
+def diagnosed(drawn: CleanRecord, effects: Sequence[str] | None = None) -> tuple[DiagnosisResult | None, Row]:
+    """Diagnose a record from its file: what it said, which is None where it refused, and the figures of it.
+
+    Parameters
+    ----------
+    drawn : CleanRecord
+    effects : sequence of str, optional
+        Of `orchestration.diagnose`.
+    """
     import orchestration as ppy
 
-    drawn = draw(case)
-    settings = dict(drawn.plant.settings) | ({"sample_period": drawn.step} if case.plant == "VoiceCoil" else {})
-    row: Row = asdict(case)
     with tempfile.TemporaryDirectory() as folder:
         path = drawn.write(Path(folder) / "record.csv")
         began, cpu = clock.perf_counter(), _processor_time()
         try:
-            result = ppy.diagnose(path, drawn.plant.model, settings=settings)
+            result = ppy.diagnose(path, drawn.plant.model, settings=settings_of(drawn), effects=effects)
         except UserError as error:
-            return row | {
-                "verdict": "refused",
-                "why": [_without_figures(str(error))],
-                "seconds": _processor_time() - cpu,
-            }
-        row |= {"seconds": _processor_time() - cpu, "elapsed": clock.perf_counter() - began}
-    values = {n: e.value for n, e in result.parameters.items()}
+            told = {"verdict": "refused", "why": [_without_figures(str(error))], "seconds": _processor_time() - cpu}
+            return None, told
+    took = {"seconds": _processor_time() - cpu, "elapsed": clock.perf_counter() - began}
     physical = [n for n in drawn.plant.nominal if n in result.parameters]
-    row |= {
+    return result, took | {
         "samples": drawn.time.size,
         "verdict": str(result.verdict),
         "causes": result.causes,
@@ -82,8 +97,11 @@ def judge(case: Case, fitted: bool = True) -> Row:
             for n in physical if np.isfinite((e := result.parameters[n]).interval).all()
         },
     }  # fmt: skip
-    linear = [*(result.details.diagnosis.estimation.linear or ())]
-    return row | (_errors(drawn, values, linear) if not result.causes else {}) | (_least(drawn) if fitted else {})
+
+
+def settings_of(drawn: CleanRecord) -> dict[str, float]:
+    """Settings that a user of the model under test would give."""
+    return dict(drawn.plant.settings) | ({"sample_period": drawn.step} if drawn.case.plant == "VoiceCoil" else {})
 
 
 def reasons(figures: dict[str, Any]) -> list[str]:
@@ -154,28 +172,14 @@ def _least(drawn: CleanRecord) -> Row:
 
 def run(wanted: Sequence[Case], kept: Path, every: int, progress: Callable[[str], None] = print) -> list[Row]:
     """Judge all cases that are not kept yet; every so-manieth is held against least squares."""
-    done = {}
-    if kept.exists():
-        for line in kept.read_text(encoding="utf-8").splitlines():
-            row = json.loads(line)
-            done[_key(row)] = row
-    rows = []
-    for k, case in enumerate(wanted, start=1):
-        row = done.get(_key(asdict(case)))
-        if row is None:
-            row = judge(case, every > 0 and k % every == 0)
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            with kept.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-        rows.append(row)
-        said = row["verdict"] if right(row) else f"{row['verdict'].upper()}: {_shortened(row['why'])}"
-        ratio = f"; refit/best {_ratio(row):.3f}" if "least" in row and "refit" in row else ""
-        progress(f"{k}/{len(wanted)} {case}: {said}{ratio} ({row['seconds']:.1f} s)")
-    return rows
+    numbers = {case: k for k, case in enumerate(wanted, start=1)}
+    return judged(wanted, kept, lambda case: judge(case, every > 0 and numbers[case] % every == 0), _said, progress)
 
 
-def _key(row: Row) -> str:
-    return repr([row[n] for n in Case.__dataclass_fields__])
+def _said(row: Row) -> str:
+    said = row["verdict"] if right(row) else f"{row['verdict'].upper()}: {_shortened(row['why'])}"
+    ratio = f"; refit/best {_ratio(row):.3f}" if "least" in row and "refit" in row else ""
+    return f"{said}{ratio} ({row['seconds']:.1f} s)"
 
 
 def _ratio(row: Row) -> float:
@@ -189,13 +193,13 @@ def report(rows: Sequence[Row]) -> Topic:
     left = [row for row in judged if row["verdict"] == "unexplained" and not row["causes"]]
     parts: list[str | Table] = [
         f"{len(rows)} clean records: {len(rows) - len(judged)} refused; of {len(judged)}, "
-        f"{_share(len(false), len(judged))} with a false cause (1 % are allowed), "
-        f"{_share(len(left), len(judged))} falsely `unexplained` (3 %)."
+        f"{share(len(false), len(judged))} with a false cause (1 % are allowed), "
+        f"{share(len(left), len(judged))} falsely `unexplained` (3 %)."
     ]
     columns = ["records", "right", "false cause", "unexplained", "refused", "other"]
     for axis in ("noise", "stimulus", "plant", "timing", "smooth"):
         table = []
-        for name, these in _grouped(rows, axis).items():
+        for name, these in grouped(rows, axis).items():
             counts = Counter(_kind(row) for row in these)
             table.append([str(name), len(these), *(counts[kind] for kind in columns[1:])])
         parts.append(Table([axis, *columns], table))
@@ -209,11 +213,11 @@ def _kind(row: Row) -> str:
     return "right" if right(row) else row["verdict"] if row["verdict"] in ("unexplained", "refused") else "other"
 
 
-def _share(part: int, whole: int) -> str:
+def share(part: int, whole: int) -> str:
     return f"{part} ({100.0 * part / max(whole, 1):.1f} %)"
 
 
-def _grouped(rows: Iterable[Row], axis: str) -> dict[Any, list[Row]]:
+def grouped(rows: Iterable[Row], axis: str) -> dict[Any, list[Row]]:
     groups: dict[Any, list[Row]] = defaultdict(list)
     for row in rows:
         groups[row[axis]].append(row)
@@ -232,7 +236,7 @@ def _coverage(rows: Sequence[Row]) -> Table:
         "smooth": lambda row: bool(row["smooth"]),
     }
     table = []
-    for name, these in _grouped(rows, "noise").items():
+    for name, these in grouped(rows, "noise").items():
         cells: list[str | int] = [str(name)]
         for belongs in kinds.values():
             hits = [hit for row in these if belongs(row) and not row["causes"] for hit in row["inside"].values()]
@@ -249,7 +253,7 @@ def _fits(rows: Sequence[Row]) -> list[str | Table]:
     text = (
         f"Refitted error over the best of untouched and plain least squares from five starts, over the whole record: "
         f"{len(enough)} of {len(compared)} records have {EFFECTIVE:g} effective samples a parameter; "
-        f"{_share(len(bad), len(enough))} of them are beyond {WORSE:g}."
+        f"{share(len(bad), len(enough))} of them are beyond {WORSE:g}."
     )
     worst = [[_named(row), _ratio(row), row["refit"], row["least"], row["untouched"], row["true"]] for row in bad[:12]]
     columns = ["record", "ratio", "refitted", "least squares", "untouched", "true"]

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.support.clean.simulation import Matrices, Values
+from tests.support.clean.simulation import FINEST, Matrices, Values
 
 Array = NDArray[np.float64]
 _MODELS = Path(__file__).with_name("models")
@@ -60,6 +60,7 @@ class Plant:
     continuous: ClassVar[tuple[str, ...]] = ()  # inputs that are never held, since nothing commands them
     sampled: ClassVar[tuple[str, ...]] = ()  # inputs that the plant holds itself, however they come
     slight: ClassVar[Mapping[str, float]] = {}  # parameters that vary less than others
+    finest: ClassVar[float] = FINEST
     spread: float = field(default=0.3)
 
     @property
@@ -105,6 +106,10 @@ class Plant:
     def reaction(self, p: Values, u: Array, x: Array) -> Array | None:
         """Inputs that the states of the plant cause by way of what it is clamped to; None if there is none such."""
         return None
+
+    def recorded(self, y: Array, step: float) -> Array:
+        """Outputs (o, n) as a logger has them before noise: as they are."""
+        return y
 
 
 _FILM = {

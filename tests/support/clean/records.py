@@ -88,12 +88,15 @@ class CleanRecord:
         return dict(zip(self.plant.outputs, y, strict=True))
 
 
-def draw(case: Case, specimen: Mapping[str, float] | None = None) -> CleanRecord:
-    """Draw one record; the same one for the same case. Its specimen is drawn too unless its parameters are given."""
+def draw(case: Case, specimen: Mapping[str, float] | None = None, plant: Plant | None = None) -> CleanRecord:
+    """Draw one record; the same one for the same case. Its specimen is drawn too unless its parameters are given.
+
+    Another plant than the one that the case names may be given, which has the same inputs, outputs and parameters.
+    """
     rng = np.random.default_rng([case.seed, *case.plant.encode()])
-    plant = PLANTS[case.plant]
+    plant = plant or PLANTS[case.plant]
     p = plant.specimen(rng) | dict(specimen or {})
-    rate, duration, period = _timing(plant, case.timing)
+    rate, duration, period = timing_of(plant, case.timing)
     step = 1.0 / rate
     lead = 0 if case.at_rest else int(np.ceil(RUN_IN * period * rate))
     count = round(duration * rate) + lead
@@ -103,11 +106,12 @@ def draw(case: Case, specimen: Mapping[str, float] | None = None) -> CleanRecord
     u = _driven(plant, case, shape, fine, duration, rng)
     level = float(np.exp(rng.uniform(*np.log(LEVELS))))
     if case.smooth:
-        y, x = (part[:, ::between] for part in simulate(plant, p, step / between, u, plant.rest(), smooth=True))
+        ran = simulate(plant, p, step / between, u, plant.rest(), True, plant.finest)
+        y, x = (part[:, ::between] for part in ran)
         u, noise = u[:, ::between], _noise(case.noise, y, level, rng)
     else:
         u, y, x, noise = _sampled(plant, p, case, step, u, shape(fine), level, rng)
-    u, y, x, noise = (part[:, lead:] for part in (u, y, x, noise))
+    u, y, x, noise = (part[:, lead:] for part in (u, plant.recorded(y, step), x, noise))
     if case.noise == "on input":
         u = u + INPUT_NOISE * np.std(u, axis=1, keepdims=True) * rng.standard_normal(u.shape)
     time = np.arange(u.shape[1]) * step
@@ -131,16 +135,21 @@ def cases(count: int, seed: int) -> list[Case]:
         noise = KINDS[(k + k // len(names)) % len(KINDS)]
         if noise == "jitter" and plant.rate > 1.0 / JITTER:
             noise = KINDS[0]  # samples would change their order
-        known = [*STIMULI, *([CLOSED] if plant.loops else [])]
-        stimulus = known[rng.integers(len(known))]
-        coupled = any(r.amplitude == 0.0 for r in plant.inputs.values())
-        smooth = bool(stimulus in SMOOTH and not coupled and rng.random() < 0.3)
-        timing = plant.timings[0] if rng.random() < 0.6 else plant.timings[rng.integers(len(plant.timings))]
-        drawn.append(Case(plant.name, stimulus, noise, 100_000 * seed + k, timing, smooth, bool(rng.random() < 0.5)))
+        drawn.append(conditions(plant, noise, 100_000 * seed + k, rng))
     return drawn
 
 
-def _timing(plant: Plant, timing: str) -> tuple[float, float, float]:
+def conditions(plant: Plant, noise: str, seed: int, rng: np.random.Generator) -> Case:
+    """Draw how a plant is driven and sampled."""
+    known = [*STIMULI, *([CLOSED] if plant.loops else [])]
+    stimulus = known[rng.integers(len(known))]
+    coupled = any(r.amplitude == 0.0 for r in plant.inputs.values())
+    smooth = bool(stimulus in SMOOTH and not coupled and rng.random() < 0.3)
+    timing = plant.timings[0] if rng.random() < 0.6 else plant.timings[rng.integers(len(plant.timings))]
+    return Case(plant.name, stimulus, noise, seed, timing, smooth, bool(rng.random() < 0.5))
+
+
+def timing_of(plant: Plant, timing: str) -> tuple[float, float, float]:
     """Rate (Hz), duration and period of the stimulus (s)."""
     if timing == "one minute":
         return 50.0, 60.0, max(min(plant.period, 60.0 / 16.0), 0.1)

@@ -20,6 +20,10 @@ FINEST = 0.01  # s, longest step of what is not linear, where records are drawn
 class Dynamics(Protocol):
     """What a plant says of itself."""
 
+    @property
+    def finest(self) -> float:
+        """Longest step of what is not linear, s, where records are drawn."""
+
     def matrices(self, p: Values) -> Matrices | None:
         """A, B, C, D; None where it is not linear."""
 
@@ -113,7 +117,7 @@ def closed_loop(
             x = f @ x + g @ now
         else:
             y[:, k] = plant.shown(x.tolist(), now.tolist(), p)
-            x = np.array(_advanced(plant, p, x.tolist(), now.tolist(), now.tolist(), step, FINEST))
+            x = np.array(_advanced(plant, p, x.tolist(), now.tolist(), now.tolist(), step, plant.finest))
     return fed, y, states
 
 

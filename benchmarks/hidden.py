@@ -1,0 +1,253 @@
+"""Records with one hidden effect, in models other than the actuator: whether a diagnosis names it.
+
+`python -m benchmarks.hidden --records 120 --seed 1` draws plants, families, shapes, strengths, stimuli and kinds of
+noise with generators that share no code with what they judge (`tests/support/hidden`). What is not counted is computed:
+records in which the effect leaves too little after a refit of the base, and those that another effect could have made.
+The floor (`benchmarks.floor`) is held beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.clean import ROOT, diagnosed, grouped, settings_of, share
+from benchmarks.floor import BASE, EVIDENCE, Fitted, fitted_alone, listed
+from benchmarks.kept import judged
+from benchmarks.tables import Table, Topic
+from fmus.kit import Effect
+from orchestration.fmu.model import find_model
+from orchestration.identify.metrics import normalised_rms
+from tests.support.clean.records import CleanRecord
+from tests.support.hidden.records import HiddenCase, cases, draw_hidden, left
+from tests.support.hidden.variations import OUTSIDE
+
+if TYPE_CHECKING:
+    from orchestration.api.diagnosis import DiagnosisResult
+
+Row = dict[str, Any]
+LEAST = 1.3  # noise widths that must be left of the hidden effect
+_GOOD = "first", "in the group"
+_KINDS = "first", "in the group", "another", "none", "refused"
+
+
+def right_names(effects: Mapping[str, type[Effect]], right: frozenset[str]) -> set[str]:
+    """Labels of effects that are right: by themselves, or of a family that is."""
+    return {name for name, effect in effects.items() if name in right or effect.term.family in right}
+
+
+def related(effects: Mapping[str, type[Effect]], right: set[str]) -> set[str]:
+    """Labels of effects of the laws and signals of right ones: beside them they are shape, not another cause."""
+    families = {effects[name].term.family for name in right} - {""}
+    return right | {name for name, effect in effects.items() if effect.term.family in families}
+
+
+def excluded(row: Row) -> str:
+    """Why a record does not count; empty if it does."""
+    if row["widths"] < LEAST:
+        return "too little"
+    return "alike" if row.get("alike") else ""
+
+
+def alike(floor: Mapping[str, Fitted], right: set[str]) -> list[str]:
+    """Effects that are not right and make the record so well that nobody could tell it from the truth."""
+    return [n for n, fit in floor.items() if n not in right and n != BASE and fit.evidence < EVIDENCE]
+
+
+def judge(case: HiddenCase, with_floor: bool = True) -> Row:
+    """Draw a record, leave it if it does not count, fit the floor, and diagnose it.
+
+    Parameters
+    ----------
+    case : HiddenCase
+    with_floor : bool
+        Without it nothing tells whether another effect could have made the record.
+    """
+    drawn = draw_hidden(case)
+    row = asdict(case) | {"family": case.variation.family, "shape": case.variation.shape, "widths": left(drawn)}
+    if excluded(row):
+        return row | {"seconds": 0.0}
+    settings, model = settings_of(drawn), find_model(drawn.plant.model)
+    assert model.cls is not None
+    effects = listed(model.cls, drawn, settings)
+    right = right_names(effects, case.variation.right)
+    if with_floor:
+        floor, took = fitted_alone(model.cls, drawn, effects, settings)
+        ranked = sorted(floor, key=lambda name: floor[name].bic)
+        closest = min(floor, key=lambda name: floor[name].evidence)
+        row |= {
+            "alike": alike(floor, right), "floor": ranked[:4], "floor_seconds": took,
+            "closest": closest in right, "evidence": floor[closest].evidence,
+        }  # fmt: skip
+    if excluded(row):
+        return row | {"seconds": 0.0}
+    result, said = diagnosed(drawn, ["families"])
+    row |= said | {"right": sorted(right), "related": sorted(related(effects, right))}
+    return row | (_held_out(result, drawn) if result is not None else {})
+
+
+def _held_out(result: DiagnosisResult, drawn: CleanRecord) -> Row:
+    """Groups that were named, and errors on what was held out over those of the truth."""
+    diagnosis = result.details.diagnosis
+    first = diagnosis.validation.first
+    best = {o: normalised_rms(y[first:], drawn.clean[o][first:]) for o, y in drawn.outputs.items()}
+    ratios = [error / best[o] for o, error in diagnosis.after.items() if best[o] > 0.0]
+    steps = diagnosis.selection.steps
+    return {
+        "groups": [[s.chosen.effect_name, *(e.effect_name for e in s.alternatives)] for s in steps],
+        "ratio": max(ratios, default=float("nan")),
+        "sentence": result.sentence,
+    }
+
+
+def named(row: Row) -> str:
+    """What was said of the hidden effect, one of `_KINDS`."""
+    if row["verdict"] == "refused":
+        return "refused"
+    if row["family"] == OUTSIDE:
+        return "first" if row["verdict"] == "unexplained" and not row["causes"] else "another"
+    if not row["causes"]:
+        return "none"
+    if row["causes"][0] in row["right"]:
+        return "first"
+    return "in the group" if row["verdict"] == "ambiguous" and {*row["groups"][0]} & {*row["right"]} else "another"
+
+
+def floor_is_right(row: Row) -> bool:
+    """Whether the best of all effects by BIC is right; outside every family it never is."""
+    return row["family"] != OUTSIDE and row["floor"][0] in row["right"]
+
+
+def false_secondary(row: Row) -> list[str]:
+    """Causes beside the first one that are not of the same law and signal as a right one."""
+    return [cause for cause in row.get("causes", [])[1:] if cause not in row["related"]]
+
+
+def report(rows: Sequence[Row]) -> Topic:
+    """Tables of what was said."""
+    why = Counter(excluded(row) for row in rows)
+    counted = [row for row in rows if not excluded(row)]
+    inside = [row for row in counted if row["family"] != OUTSIDE]
+    good = sum(named(row) in _GOOD for row in inside)
+    parts: list[str | Table] = [
+        f"{len(rows)} records: {share(why['too little'], len(rows))} leave less than {LEAST:g} noise widths, "
+        f"{share(why['alike'], len(rows))} could be of another effect; {len(counted)} count.",
+        f"Of {len(inside)} with an effect of a family, it is named first or in the ambiguous group in "
+        f"{share(good, len(inside))}, first in {share(sum(named(r) == 'first' for r in inside), len(inside))}; "
+        f"false secondary causes in {share(sum(bool(false_secondary(r)) for r in inside), len(inside))}.",
+        *_beside_floor(inside),
+    ]
+    for axis in ("family", "plant", "strength", "stimulus", "noise", "timing"):
+        columns = [axis, "records", *_KINDS, "false secondary"]
+        parts.append(Table(columns, [[str(name), *_counts(these)] for name, these in grouped(counted, axis).items()]))
+    return Topic("Hidden effects", [*parts, *_quality(inside), *_excluded(rows), *_confusion(counted)])
+
+
+def _counts(rows: Sequence[Row]) -> list[int]:
+    kinds = Counter(named(row) for row in rows)
+    return [len(rows), *(kinds[kind] for kind in _KINDS), sum(bool(false_secondary(row)) for row in rows)]
+
+
+def _beside_floor(rows: Sequence[Row]) -> list[str]:
+    both = [row for row in rows if "floor" in row]
+    if not both:
+        return []
+    ours, floor = ([row for row in both if is_right(row)] for is_right in (lambda r: named(r) in _GOOD, floor_is_right))
+    closest = sum(row["closest"] for row in both)
+    only = sum(row not in ours for row in floor)
+    return [
+        f"Floor, on the same {len(both)}: right in {share(len(floor), len(both))}, against "
+        f"{share(len(ours), len(both))} here; right there only in {only}. In {share(closest, len(both))} what comes "
+        f"closest to the outputs without noise is a right one."
+    ]
+
+
+def _quality(rows: Sequence[Row]) -> list[str | Table]:
+    """Errors on what was held out, coverage, and time."""
+    hits = [row for row in rows if named(row) == "first"]
+    table = []
+    for name, these in grouped(rows, "noise").items():
+        ratios = [row["ratio"] for row in these if "ratio" in row and np.isfinite(row["ratio"])]
+        covered = [hit for row in these if row in hits for hit in row["inside"].values()]
+        cover = f"{100.0 * np.mean(covered):.1f} %" if covered else ""
+        table.append(
+            [str(name), len(ratios), float(np.median(ratios)) if ratios else float("nan"), len(covered), cover]
+        )
+    seconds = [row["seconds"] for row in rows if row["seconds"]]
+    if not seconds:
+        return []
+    floor = float(np.median([row.get("floor_seconds", 0.0) for row in rows]))
+    ratios = [row["ratio"] for row in rows if "ratio" in row and np.isfinite(row["ratio"])]
+    return [
+        f"Held-out error over that of the truth: median {np.median(ratios):.3f}. Processor time of a diagnosis: median "
+        f"{np.median(seconds):.1f} s, 90 % {np.quantile(seconds, 0.9):.1f} s; of the floor: median {floor:.1f} s.",
+        Table(["noise", "records", "held out / truth, median", "intervals where named first", "cover"], table),
+    ]
+
+
+def _excluded(rows: Sequence[Row]) -> list[str | Table]:
+    table = [
+        [name, len(these), sum(excluded(r) == "too little" for r in these), sum(excluded(r) == "alike" for r in these)]
+        for name, these in grouped(rows, "family").items()
+    ]
+    return ["Not counted, by family:", Table(["family", "records", "too little", "alike"], table)]
+
+
+def _confusion(rows: Sequence[Row]) -> list[str | Table]:
+    wrong = [row for row in rows if named(row) not in _GOOD or false_secondary(row)]
+    return ["What was said of the others:", Table(["record", "said"], [[title(row), told(row)] for row in wrong])]
+
+
+def title(row: Row) -> str:
+    """Name a record."""
+    return str(HiddenCase(**{n: row[n] for n in HiddenCase.__dataclass_fields__}))
+
+
+def told(row: Row) -> str:
+    """What was said of a record."""
+    if excluded(row):
+        of = f": {', '.join(row['alike'][:3])}" if row.get("alike") else ""
+        return f"not counted, {excluded(row)}{of} ({row['widths']:.1f} widths)"
+    causes = " + ".join(" | ".join(group) for group in row.get("groups", [])) or "nothing named"
+    floor = f"; floor {row['floor'][0] or 'nothing'}" if "floor" in row else ""
+    more = f"; also {', '.join(false_secondary(row))}" if false_secondary(row) else ""
+    return f"{named(row)}: {row['verdict']}, {causes}{more}{floor} ({row['widths']:.1f} widths, {row['seconds']:.0f} s)"
+
+
+def run(
+    wanted: Sequence[HiddenCase], kept: Path, with_floor: bool = True, progress: Callable[[str], None] = print
+) -> list[Row]:
+    """Judge all cases that are not kept yet."""
+    return judged(wanted, kept, lambda case: judge(case, with_floor), told, progress)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.hidden", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--records", type=int, default=120)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
+    parser.add_argument("--without", nargs="*", default=[], help="words that a case must not contain")
+    parser.add_argument("--no-floor", action="store_true", help="do not fit every effect alone, which takes longest")
+    parser.add_argument("--kept", type=Path, help="JSON lines, one a record; default build/hidden/SEED.jsonl")
+    parser.add_argument("--out", type=Path, help="page to write")
+    chosen = parser.parse_args(arguments)
+    wanted = [
+        case for case in cases(chosen.records, chosen.seed)
+        if all(word in str(case) for word in chosen.only) and not any(word in str(case) for word in chosen.without)
+    ]  # fmt: skip
+    kept = chosen.kept or ROOT / "build" / "hidden" / f"{chosen.seed}.jsonl"
+    text = str(report(run(wanted, kept, not chosen.no_floor, lambda line: print(line, flush=True))))
+    print("\n" + text)
+    if chosen.out is not None:
+        chosen.out.write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

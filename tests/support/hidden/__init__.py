@@ -1,0 +1,1 @@
+"""Records in which something is hidden, by equations that share nothing with the catalogue of effects."""

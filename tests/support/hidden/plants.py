@@ -1,0 +1,226 @@
+"""The clean plants once more, as equations that something can be hidden in."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from math import pi, sin
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.support.clean.plants import PLANTS, Cell, Galvanostat, Motor, Pendulum, Plant, ThermalNodes, VoiceCoil
+from tests.support.clean.simulation import Values
+from tests.support.hidden.change import NOTHING, Change
+
+Array = NDArray[np.float64]
+_SPRING, _DAMPER = 300.0, 1.0  # N/m and N*s/m of what the coil pulls on, as in the clean plant
+
+
+class Altered(Plant):
+    """A plant with a change at one of its places; its memory comes behind the plant's own states."""
+
+    change: ClassVar[Change] = NOTHING
+    order: ClassVar[int]  # of the clean plant
+
+    @abstractmethod
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Derivatives of the plant's own states."""
+
+    @abstractmethod
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Outputs before their sensors."""
+
+    @abstractmethod
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """What a change is a function of, by place, outputs apart."""
+
+    def more(self, place: str, signal: float, x: list[float]) -> float:
+        """What the change adds at a place."""
+        return self.change.more(signal, x[self.order :]) if place == self.change.place else 0.0
+
+    def matrices(self, p: Values) -> None:
+        """There are none."""
+
+    def drawn(self, p: Values) -> None:
+        """There are none."""
+
+    def static(self, p: Values, u: Array) -> Array:
+        """A change may come before what limits an input."""
+        return u
+
+    def rest(self) -> Array:
+        """The plant's own states, then the memory."""
+        own = [self.starts.get(n, 0.0) for n in self.states[: self.order]]
+        return np.array([*own, *self.change.rest])
+
+    def rates(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Laws, and what the change remembers."""
+        own = self.laws(x, u, p)
+        if not self.change.rest:
+            return own
+        if self.change.place in self.outputs:
+            signal = self.readings(x, u, p)[list(self.outputs).index(self.change.place)]
+        else:
+            signal = self.signals(x, u)[self.change.place]
+        return own + self.change.rates(signal, x[self.order :])
+
+    def shown(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """What sensors make of the outputs."""
+        return [y + self.more(o, y, x) for o, y in zip(self.outputs, self.readings(x, u, p), strict=True)]
+
+    def recorded(self, y: Array, step: float) -> Array:
+        """Late, where the logger is."""
+        samples = round(self.change.delay / step)
+        if not samples:
+            return y
+        rows = [np.r_[np.full(samples, row[0]), row[:-samples]] if o == self.change.place else row
+                for o, row in zip(self.outputs, y, strict=True)]  # fmt: skip
+        return np.array(rows)
+
+
+class AlteredMotor(Altered, Motor):
+    """i = (u - K w) / R, J dw/dt = K i - friction - load."""
+
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """Of friction the speed."""
+        return {"voltage": u[0], "friction": x[0]}
+
+    def _current(self, x: list[float], u: list[float], p: Values) -> float:
+        return (u[0] + self.more("voltage", u[0], x) - p["constant"] * x[0]) / p["resistance"]
+
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Balance of torques."""
+        friction = p["damping"] * x[0] + self.more("friction", x[0], x)
+        return [(p["constant"] * self._current(x, u, p) - friction - u[1]) / p["inertia"]]
+
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Current and speed."""
+        return [self._current(x, u, p), x[0]]
+
+
+class AlteredPendulum(Altered, Pendulum):
+    """J ddtheta/dt = tau - W sin(theta) - friction."""
+
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """Of friction the velocity, of gravity the angle."""
+        return {"torque": u[0], "friction": x[1], "gravity": x[0]}
+
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Newton's second law."""
+        torque = u[0] + self.more("torque", u[0], x)
+        friction = p["damping"] * x[1] + self.more("friction", x[1], x)
+        gravity = p["weight"] * sin(x[0]) + self.more("gravity", x[0], x)
+        return [x[1], (torque - gravity - friction) / p["inertia"]]
+
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """The angle."""
+        return [x[0]]
+
+
+class AlteredThermalNodes(Altered, ThermalNodes):
+    """Two balances of heat."""
+
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """Of heat that passes the difference that drives it, or the temperature that is stored at."""
+        return {"power": u[0], "conduction": x[0] - x[1], "loss": x[1] - u[1], "inner": x[0], "outer": x[1]}
+
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Heat that comes less heat that goes."""
+        inner, outer, ambient = x[0], x[1], u[1]
+        power = u[0] + self.more("power", u[0], x)
+        conduction = (inner - outer) / p["R12"] + self.more("conduction", inner - outer, x)
+        loss = (outer - ambient) / p["R2"] + self.more("loss", outer - ambient, x)
+        stored = self.more("inner", inner, x), self.more("outer", outer, x)
+        return [(power - conduction - stored[0]) / p["C1"], (conduction - loss - stored[1]) / p["C2"]]
+
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Both temperatures."""
+        return [x[0], x[1]]
+
+
+class AlteredCell(Altered, Cell):
+    """Open-circuit voltage less what is lost."""
+
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """Of the drop the current."""
+        return {"drop": u[0]}
+
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Current through the resistance of the pair."""
+        return [(u[0] - x[0]) / p["tau1"]]
+
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Voltage at the terminals."""
+        return [p["ocv"] - p["R0"] * u[0] - p["R1"] * x[0] - self.more("drop", u[0], x)]
+
+
+class AlteredGalvanostat(Altered, Galvanostat):
+    """A command, limited, behind a lag."""
+
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """Of the command itself."""
+        return {"current_command": u[0]}
+
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """First order."""
+        command, limit = u[0] + self.more("current_command", u[0], x), p["current_limit"]
+        return [(min(max(command, -limit), limit) - x[0]) / p["response_time"]]
+
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """The current."""
+        return [x[0]]
+
+
+class AlteredVoiceCoil(Altered, VoiceCoil):
+    """Coil, slide, spring and filter; the force constant may change with the position."""
+
+    finest = 2e-4
+
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """Of friction the velocity, of the force constant the position."""
+        return {"force_reference": u[0], "friction": x[2], "force_constant": x[1]}
+
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Circuit, definition, momentum, filter."""
+        current, position, velocity, filtered = x[:4]
+        voltage = u[0] + self.more("force_reference", u[0], x)
+        constant = p["K"] * (1.0 + self.more("force_constant", position, x))
+        friction = p["b_vc"] * velocity + self.more("friction", velocity, x)
+        tension = _SPRING * position + _DAMPER * velocity
+        return [
+            (voltage - p["R"] * current - constant * velocity) / p["L"],
+            velocity,
+            (constant * current - friction - tension) / p["m"],
+            2.0 * pi * p["position_cutoff"] * (position - filtered),
+        ]
+
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Current of the coil and filtered position."""
+        return [x[0], x[3]]
+
+
+_EQUATIONS: dict[str, type[Altered]] = {
+    "Motor": AlteredMotor,
+    "Pendulum": AlteredPendulum,
+    "ThermalNodes": AlteredThermalNodes,
+    "Cell": AlteredCell,
+    "Galvanostat": AlteredGalvanostat,
+    "VoiceCoil": AlteredVoiceCoil,
+}
+NAMES = tuple(_EQUATIONS)
+STEPS = {"ThermalNodes": 0.5, "Cell": 0.25}  # s, of what is slow
+
+
+def altered(name: str, change: Change = NOTHING) -> Plant:
+    """Make a plant with a change hidden in it."""
+    equations, clean = _EQUATIONS[name], PLANTS[name]
+    longest = STEPS.get(name, equations.finest)
+    about = {
+        "change": change,
+        "order": len(clean.states),
+        "states": (*clean.states, *(f"memory_{k}" for k in range(len(change.rest)))),
+        "finest": min(longest, change.finest),
+    }
+    made: Plant = type(name, (equations,), about)()
+    return made
