@@ -285,7 +285,7 @@ def _gained(predictions: Sequence[Prediction]) -> bool:
 
 
 def _doubts(predictions: Sequence[Prediction], left: bool) -> list[Note]:
-    """What stands beside causes that were named: something left, and an error that is not smaller where it was judged."""
+    """What stands beside causes that were named: something left, or an error that is no smaller where it was judged."""
     if len(predictions) == 1:
         return []
     return [

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 from orchestration.discrepancy.validation.paired_score import Innovations, paired_score
 from tests.support.cubic_regression import BLOCKS, COUNT, PER_BLOCK, drawn_scores, regression
 
+
 def log_density(model):
     """By SciPy, but for the constant."""
     cov = np.eye(COUNT) + model.jacobian @ model.covariance @ model.jacobian.T
