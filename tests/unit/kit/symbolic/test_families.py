@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
 from fmus.kit.arms import arm
 from fmus.kit.build import RUNTIMES, build
-from fmus.kit.build.provenance import effect_name
 from fmus.kit.build.toolchain import host_platform
+from fmus.kit.component import effect_name
 from fmus.kit.curves import SHAPES, curve
 from fmus.kit.inputs import backlash, dead_zone, input_lag, input_offset, input_saturation
 from fmus.kit.record.compiled import CompiledModel
