@@ -130,9 +130,9 @@ class Term:
         The law it changes, the signal that the change is a function of, and that function.
     family : str
         What effects have in common that are one cause in several shapes: a law over a signal, what it remembers of
-        one, or an input as it arrives. Empty where there are no others.
+        one, the loop that it runs through over one, or an input as it arrives. Empty where there are no others.
     qualifier : str
-        What tells it from an effect of the same id: the law, or the input, that it concerns.
+        What tells it from an effect of the same id: the law, or the input, that it concerns, or its shape.
     """
 
     law: str = ""
@@ -167,6 +167,17 @@ class Effect(Component):
     term: ClassVar[Term] = Term()
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
+
+
+def effect_name(effect: type[Effect]) -> str:
+    """Id of an effect, with what it is of where there may be several: ``sensor_lag(voltage)``, ``cubic(drop)``."""
+    of = effect.output or effect.term.qualifier
+    return f"{effect.id}({of})" if of else effect.id
+
+
+def by_name(*effects: type[Effect]) -> dict[str, type[Effect]]:
+    """Effects by their names, for a catalogue."""
+    return {effect_name(effect): effect for effect in effects}
 
 
 def _label(effect: type[Effect]) -> str:

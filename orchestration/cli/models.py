@@ -78,7 +78,7 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
     parameters : collection of str
         What is set.
     """
-    from fmus.kit.build.provenance import effect_name
+    from fmus.kit.component import effect_name
 
     if model.cls is None or not model.effects:
         return

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from fmus.kit.build.provenance import effect_name
+from fmus.kit.component import effect_name
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.loading import is_subclass
 

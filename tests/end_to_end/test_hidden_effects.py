@@ -74,7 +74,7 @@ def truth(hidden=None, parameters=NOMINAL, time=TIME, current=CURRENT, force=FOR
 
 
 def test_every_effect_of_the_catalogue_has_a_variation():
-    assert set(CATALOGUE) == set(EFFECTS) | set(MEASUREMENTS)
+    assert set(CATALOGUE) == {effect.id for effect in EFFECTS.values()} | set(MEASUREMENTS)
     assert not set(UNKNOWN) & set(CATALOGUE)
     assert len(UNKNOWN) >= 4
 

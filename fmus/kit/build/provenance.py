@@ -20,7 +20,7 @@ from hashlib import sha256
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit.component import Component, Effect
+from fmus.kit.component import Component, effect_name
 
 _TOOL = "ppy-rig"
 
@@ -38,7 +38,7 @@ class Provenance:
     sha256 : str
         Of the file's contents, in hexadecimal digits.
     effects : tuple of str
-        Names of the effects laid over it, innermost first; see :func:`effect_name`.
+        Names of the effects laid over it, innermost first; see :func:`fmus.kit.component.effect_name`.
     remarks : tuple of str
         What else was said of it.
     """
@@ -54,12 +54,6 @@ class Provenance:
     def place(self) -> str:
         """As a user names it: ``ppy_actuator``, or ``models/creep.py:Creep``."""
         return self.component or f"{self.file}:{self.cls}"
-
-
-def effect_name(effect: type[Effect]) -> str:
-    """Id of an effect, with what it is of where there may be several: ``sensor_lag(voltage)``, ``cubic(drop)``."""
-    of = effect.output or effect.term.qualifier
-    return f"{effect.id}({of})" if of else effect.id
 
 
 def annotate(root: Element, cls: type[Component]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...kit import Parameter, State
+from ...kit.component import Term
 from .base import ActuatorEffect
 
 
@@ -17,6 +18,7 @@ class ResistanceGrowth(ActuatorEffect):
 
     id = "resistance_growth"
     neutral = "resistance_growth_rate"
+    term = Term("series_resistance", "throughput", "R1 gamma q", "series_resistance over throughput")
     assumption = 6
 
     resistance_growth_rate = Parameter(
@@ -47,6 +49,7 @@ class CapacitanceFade(ActuatorEffect):
 
     id = "capacitance_fade"
     neutral = "capacitance_fade_rate"
+    term = Term("capacitance", "fading_throughput", "C / (1 + phi q)", "capacitance over throughput")
     assumption = 6
 
     capacitance_fade_rate = Parameter(
@@ -76,6 +79,7 @@ class SelfHeating(ActuatorEffect):
 
     id = "self_heating"
     neutral = "conductance_rise_per_kelvin"
+    term = Term("series_resistance", "temperature_rise", "R1 / (1 + kappa theta)", "series_resistance over temperature")
     assumption = 7
 
     conductance_rise_per_kelvin = Parameter(

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State, exp, sqrt, tanh, where
+from ...kit import Parameter, State, absolute, exp, sqrt, tanh, where
+from ...kit.component import Term
 from .base import ActuatorEffect
 
 # Time constant below which a lag is not resolved, in seconds. A lag of zero time would be infinitely stiff.
 _SHORTEST_LAG = 0.05
 # z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the slope below 1e-12.
 _SMALL = 1e-6
+# Charge of both signs parts what is even in it from what is odd, so these are two causes.
+_EVEN, _ODD = (f"{part} part of charge_elongation over charge" for part in ("even", "odd"))
+_BEHIND = "charge_elongation remembering charge"
+_SOFTNESS = "spring_elongation over charge"
 
 
 class ForceToVoltage(ActuatorEffect):
@@ -21,6 +26,7 @@ class ForceToVoltage(ActuatorEffect):
 
     id = "force_to_voltage"
     neutral = "voltage_per_force"
+    term = Term("capacitor_voltage", "force", "s F", "capacitor_voltage over force")
     assumption = 5
 
     voltage_per_force = Parameter(
@@ -40,6 +46,7 @@ class QuadraticStrain(ActuatorEffect):
 
     id = "quadratic_strain"
     neutral = "beta"
+    term = Term("charge_elongation", "charge", "beta Q^2", _EVEN)
     assumption = 5
 
     beta = Parameter(
@@ -49,6 +56,27 @@ class QuadraticStrain(ActuatorEffect):
     def charge_elongation(self, charge: Any) -> Any:
         """Elongation due to charge, alpha Q + beta Q^2 over the base model."""
         return super().charge_elongation(charge) + self.beta * (charge * charge)
+
+
+class UnequalStrain(ActuatorEffect):
+    """Elongation that differs between oxidation and reduction: ``x_e = alpha Q + beta_1 |Q|``.
+
+    Another shape of what depends on the charge: `QuadraticStrain` bends everywhere, this at zero only. Relaxes
+    assumption 5, that elongation is proportional to charge (eq. 3.4); ``beta_1 = 0`` is the base model.
+    """
+
+    id = "quadratic_strain"
+    neutral = "strain_asymmetry"
+    assumption = 5
+    term = Term("charge_elongation", "charge", "beta_1 |Q|", _EVEN, "modulus")
+
+    strain_asymmetry = Parameter(
+        0.0, "m/C", min=-1.0, max=1.0, nominal=1e-5, display="mm/C", doc="displacement per modulus of the charge"
+    )
+
+    def charge_elongation(self, charge: Any) -> Any:
+        """Elongation due to charge, alpha Q + beta_1 |Q| over the base model."""
+        return super().charge_elongation(charge) + self.strain_asymmetry * absolute(charge)
 
 
 class StrainSaturation(ActuatorEffect):
@@ -61,6 +89,7 @@ class StrainSaturation(ActuatorEffect):
 
     id = "strain_saturation"
     neutral = "strain_saturation_coefficient"
+    term = Term("charge_elongation", "charge", "alpha Q_sat tanh(Q / Q_sat)", _ODD)
     assumption = 5
 
     strain_saturation_coefficient = Parameter(
@@ -77,6 +106,27 @@ class StrainSaturation(ActuatorEffect):
         return super().charge_elongation(charge) * where(small, series, tanh(z) / z)
 
 
+class SlowStrainSaturation(ActuatorEffect):
+    """Elongation that levels off from the first charge on: ``x_e = alpha Q / (1 + c_1 |Q|)``.
+
+    Where tanh (`StrainSaturation`) is straight until it bends, this bends most at zero; its limit is ``alpha / c_1``.
+    Relaxes assumption 5, the proportionality of eq. 3.4; ``c_1 = 0`` is the base model.
+    """
+
+    id = "strain_saturation"
+    neutral = "strain_levelling"
+    assumption = 5
+    term = Term("charge_elongation", "charge", "alpha Q / (1 + c_1 |Q|)", _ODD, "slow")
+
+    strain_levelling = Parameter(
+        0.0, "1/C", min=0, max=1e3, nominal=0.05, doc="inverse of the charge at which elongation is half of alpha Q"
+    )
+
+    def charge_elongation(self, charge: Any) -> Any:
+        """Elongation due to charge, levelling off; alpha Q / (1 + c_1 |Q|) over the base model."""
+        return super().charge_elongation(charge) / (1.0 + self.strain_levelling * absolute(charge))
+
+
 class StrainLag(ActuatorEffect):
     """Elongation that follows the charge with a time constant ``T``.
 
@@ -89,6 +139,7 @@ class StrainLag(ActuatorEffect):
 
     id = "strain_lag"
     neutral = "lag_time"
+    term = Term("charge_elongation", "charge", "1 / (T s + 1)", _BEHIND)
     assumption = 5
 
     lag_time = Parameter(0.0, "s", min=0, max=1e6, doc="time constant with which elongation follows charge")
@@ -104,6 +155,43 @@ class StrainLag(ActuatorEffect):
         return super().charge_elongation(charge - share * self.pending_charge)
 
 
+class TwoStageStrainLag(ActuatorEffect):
+    """Elongation that follows the charge in two equal stages of ``T / 2`` each.
+
+    The charge behind the first stage ``q_1`` and behind the second ``q_2`` obey ``dq_1/dt = dQ/dt - q_1 / D`` and
+    ``dq_2/dt = q_1 / D - q_2 / D`` with ``D = T/2 + m``; the elongation of the layers below is that of
+    ``Q - (T/2) / D (q_1 + q_2)``. Both start at rest; the short ``m`` is that of `StrainLag`, and so is the lag of a
+    ramp, ``T``, but it sets in without a corner. Relaxes assumption 5, that elongation is proportional to charge at
+    every instant (eq. 3.4, fig. 3-10); ``T = 0`` is the base model.
+    """
+
+    id = "strain_lag"
+    neutral = "staged_lag_time"
+    assumption = 5
+    term = Term("charge_elongation", "charge", "1 / (T/2 s + 1)^2", _BEHIND, "two_stages")
+
+    staged_lag_time = Parameter(0.0, "s", min=0, max=1e6, doc="time of two stages with which elongation follows charge")
+    first_stage_charge = State("C", rate="first_stage_rate", doc="charge that has not passed the first stage")
+    second_stage_charge = State("C", rate="second_stage_rate", doc="charge between the stages")
+
+    def stage_time(self) -> Any:
+        """Time constant of one stage, T/2 and what keeps it regular."""
+        return 0.5 * self.staged_lag_time + _SHORTEST_LAG
+
+    def first_stage_rate(self) -> Any:
+        """Rate of the charge before the first stage, dQ/dt - q_1 / D."""
+        return self.capacitor_current() - self.first_stage_charge / self.stage_time()
+
+    def second_stage_rate(self) -> Any:
+        """Rate of the charge between the stages, (q_1 - q_2) / D."""
+        return (self.first_stage_charge - self.second_stage_charge) / self.stage_time()
+
+    def charge_elongation(self, charge: Any) -> Any:
+        """Elongation due to the charge that has passed both stages."""
+        share = 0.5 * self.staged_lag_time / self.stage_time()
+        return super().charge_elongation(charge - share * (self.first_stage_charge + self.second_stage_charge))
+
+
 class StrainHysteresis(ActuatorEffect):
     """Rate-independent hysteresis of the elongation over the charge, after Duhem and Dahl.
 
@@ -116,6 +204,9 @@ class StrainHysteresis(ActuatorEffect):
 
     id = "strain_hysteresis"
     neutral = "hysteresis_share"
+    term = Term(
+        "charge_elongation", "charge", "h z with dz/dt = dQ/dt - |dQ/dt| z / w", "charge_elongation loop of charge"
+    )
     assumption = 5
 
     hysteresis_share = Parameter(
@@ -145,6 +236,7 @@ class ChargeDependentStiffness(ActuatorEffect):
 
     id = "charge_dependent_stiffness"
     neutral = "softening_per_charge"
+    term = Term("spring_elongation", "charge", "exp(s Q)", _SOFTNESS)
     assumption = 1
 
     softening_per_charge = Parameter(

@@ -5,13 +5,15 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
-from ...kit import Parameter, State, exp, maximum, sign, sqrt, where
+from ...kit import Parameter, State, absolute, exp, maximum, sign, sqrt, where
+from ...kit.component import Term
 from .base import ActuatorEffect
 
 # Sections that stand for a diffusion; what is left to the immediate resistance is 4 % of the diffusion's.
 _SECTIONS = (1, 2, 3, 4, 5)
 # |z| below which (exp(z) - 1)/z is taken from its series; what is left out is below rounding.
 _SMALL = 1e-3
+_CAPACITANCE = "film_voltage over charge"
 
 
 class DoubleLayer(ActuatorEffect):
@@ -24,6 +26,7 @@ class DoubleLayer(ActuatorEffect):
 
     id = "double_layer"
     neutral = "double_layer_resistance"
+    term = Term("capacitor_voltage", "current", "R_dl / (tau_dl s + 1)", "capacitor_voltage remembering current")
     assumption = 4
 
     double_layer_resistance = Parameter(
@@ -71,6 +74,9 @@ class Diffusion(ActuatorEffect):
 
     id = "diffusion"
     neutral = "diffusion_share"
+    term = Term(
+        "capacitor_voltage", "current", "d R1 tanh(sqrt(s T)) / sqrt(s T)", "capacitor_voltage diffusion of current"
+    )
     assumption = 8
 
     diffusion_share = Parameter(
@@ -108,6 +114,7 @@ class NonlinearLeakage(ActuatorEffect):
 
     id = "nonlinear_leakage"
     neutral = "leakage_growth"
+    term = Term("supply_current", "voltage", "g max(|V| - V_on, 0)^2", "supply_current over voltage")
     assumption = 8
 
     leakage_growth = Parameter(
@@ -143,6 +150,7 @@ class ChargeDependentCapacitance(ActuatorEffect):
 
     id = "charge_dependent_capacitance"
     neutral = "capacitance_falloff"
+    term = Term("film_voltage", "charge", "(exp(a Q) - 1) / (a Q)", _CAPACITANCE)
     assumption = 8
 
     capacitance_falloff = Parameter(
@@ -151,7 +159,58 @@ class ChargeDependentCapacitance(ActuatorEffect):
 
     def film_voltage(self) -> Any:
         """Voltage of the films, (exp(a Q) - 1) / (a C) over the base model."""
-        z = self.capacitance_falloff * self.charge
-        small = abs(z) < _SMALL
-        series = 1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0 * (1.0 + z / 5.0)))
-        return super().film_voltage() * where(small, series, (exp(z) - 1.0) / where(small, 1.0, z))
+        return super().film_voltage() * _mean_of_exp(self.capacitance_falloff * self.charge)
+
+
+class CapacitanceOverModulus(ActuatorEffect):
+    """Capacitance that changes with the modulus of the charge: ``dQ/dV = C exp(-a |Q|)``; it rises where ``a < 0``.
+
+    The even counterpart of `ChargeDependentCapacitance`, with a corner at zero. Relaxes assumption 8, that C is
+    constant; ``a = 0`` is the base model.
+    """
+
+    id = "charge_dependent_capacitance"
+    neutral = "capacitance_falloff_either_way"
+    assumption = 8
+    term = Term("film_voltage", "charge", "(exp(a |Q|) - 1) / (a |Q|)", _CAPACITANCE, "modulus")
+
+    capacitance_falloff_either_way = Parameter(
+        0.0, "1/C", min=-10.0, max=10.0, nominal=0.1,
+        doc="relative fall of the differential capacitance per modulus of the charge (a)",
+    )  # fmt: skip
+
+    def film_voltage(self) -> Any:
+        """Voltage of the films, sign(Q) (exp(a |Q|) - 1) / (a C) over the base model."""
+        return super().film_voltage() * _mean_of_exp(self.capacitance_falloff_either_way * absolute(self.charge))
+
+
+class EvenCapacitance(ActuatorEffect):
+    """Capacitance that changes with the square of the charge: ``V_C = Q/C sqrt(1 + b Q^2)``, smooth and even.
+
+    Where ``b`` is negative, ``V_C = Q/C / sqrt(1 - b Q^2)``: the capacitance rises, and the voltage with the charge
+    still. About zero, ``dQ/dV = C (1 - 3/2 b Q^2)`` of either sign. Relaxes assumption 8, that C is constant;
+    ``b = 0`` is the base model.
+    """
+
+    id = "charge_dependent_capacitance"
+    neutral = "capacitance_bend"
+    assumption = 8
+    term = Term("film_voltage", "charge", "sqrt(1 + b Q^2)", _CAPACITANCE, "even")
+
+    capacitance_bend = Parameter(
+        0.0, "1/C^2", min=-1e6, max=1e6, nominal=0.05, doc="relative fall of the capacitance per square of charge (b)"
+    )
+
+    def film_voltage(self) -> Any:
+        """Voltage of the films, times sqrt(1 + b Q^2), or divided by sqrt(1 - b Q^2)."""
+        bend = self.capacitance_bend * (self.charge * self.charge)
+        rises = bend < 0.0
+        root = sqrt(1.0 + where(rises, -bend, bend))  # whose slope at zero is that of one side, not of a modulus
+        return super().film_voltage() * where(rises, 1.0 / root, root)
+
+
+def _mean_of_exp(z: Any) -> Any:
+    """Mean of the exponential between zero and z, (exp(z) - 1) / z; 1 at zero."""
+    small = abs(z) < _SMALL
+    series = 1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0 * (1.0 + z / 5.0)))
+    return where(small, series, (exp(z) - 1.0) / where(small, 1.0, z))

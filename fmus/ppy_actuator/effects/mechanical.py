@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State, minimum, sign, sqrt, where
+from ...kit import Parameter, State, absolute, minimum, sign, sqrt, where
+from ...kit.component import Term
 from .base import ActuatorEffect
+
+_SPRING = "spring_elongation over force"
 
 
 class SecondKelvin(ActuatorEffect):
@@ -17,6 +20,7 @@ class SecondKelvin(ActuatorEffect):
 
     id = "second_kelvin"
     neutral = "second_creep_compliance"
+    term = Term("creep", "force", "J / (T s + 1)", "creep remembering force")
     assumption = 9
 
     second_creep_compliance = Parameter(
@@ -47,6 +51,7 @@ class NonlinearStiffness(ActuatorEffect):
 
     id = "nonlinear_stiffness"
     neutral = "load_softening"
+    term = Term("spring_elongation", "force", "n (sqrt(F^2 + S^2) - S)", _SPRING)
     assumption = 9
 
     load_softening = Parameter(
@@ -79,6 +84,7 @@ class AsymmetricCreep(ActuatorEffect):
 
     id = "asymmetric_creep"
     neutral = "recovery_slowness"
+    term = Term("kelvin_rate", "kelvin_rate", "1 / (1 + r) below 0", "kelvin_rate over its direction")
     assumption = 9
 
     recovery_slowness = Parameter(
@@ -100,6 +106,7 @@ class YieldThreshold(ActuatorEffect):
 
     id = "yield_threshold"
     neutral = "yield_force"
+    term = Term("flow_force", "force", "F - clip(F, -F_y, F_y)", "flow_force over force")
     assumption = 9
 
     yield_force = Parameter(0.0, "N", min=0, max=1e6, nominal=0.1, doc="load that the dashpot bears without flow (F_y)")
@@ -119,6 +126,7 @@ class Slack(ActuatorEffect):
 
     id = "slack"
     neutral = "slack_compliance"
+    term = Term("spring_elongation", "force", "m min(F, P)", _SPRING)
     assumption = 3
 
     slack_compliance = Parameter(
@@ -136,3 +144,39 @@ class Slack(ActuatorEffect):
         """Inverse of :meth:`spring_elongation`."""
         force, m = super().spring_force(elongation), self.slack_compliance
         return force - m * minimum(force / (1.0 + m), self.preload)
+
+
+class SmoothSlack(ActuatorEffect):
+    """Compliance that fades with the load: ``x_0 = (F + m F P / (P + |F|)) / k1``, more by ``m / k1`` without load.
+
+    A catenary that is pulled straight by and by, where `Slack` ends at once. Relaxes assumption 3, that the actuator
+    is taut; ``m = 0`` is the base model.
+    """
+
+    id = "slack"
+    neutral = "fading_compliance"
+    assumption = 3
+    term = Term("spring_elongation", "force", "m F P / (P + |F|)", _SPRING, "smooth")
+
+    fading_compliance = Parameter(
+        0.0, "1", min=0, max=1e4, nominal=0.1, doc="additional compliance without load, relative to 1/k1 (m)"
+    )
+    fading_load = Parameter(
+        0.5, "N", min=1e-6, max=1e6, doc="load at which half of it is left in the elongation (P)",
+        source="section 3.3.1",
+    )  # fmt: skip
+
+    def sagging(self, load: Any) -> Any:
+        """Load that would add the elongation, m F P / (P + |F|)."""
+        return self.fading_compliance * (load * self.fading_load) / (self.fading_load + absolute(load))
+
+    def spring_elongation(self, load: Any) -> Any:
+        """Instantaneous elongation, that of the base model under F + m F P / (P + |F|)."""
+        return super().spring_elongation(load + self.sagging(load))
+
+    def spring_force(self, elongation: Any) -> Any:
+        """Inverse of :meth:`spring_elongation`, the positive root of a quadratic equation in |F|."""
+        force, scale = super().spring_force(elongation), self.fading_load
+        half = 0.5 * ((1.0 + self.fading_compliance) * scale - absolute(force))
+        root = force * scale / (half + sqrt(half * half + absolute(force) * scale))
+        return force - self.sagging(root)

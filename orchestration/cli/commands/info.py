@@ -61,7 +61,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
 
 
 def _of_class(name: str, cls: type[Component]) -> _Facts:
-    from fmus.kit.build.provenance import effect_name
+    from fmus.kit.component import effect_name
     from orchestration.fmu.effects import known_effects
     from orchestration.fmu.signal import declared_signal
 
@@ -85,6 +85,8 @@ def _relaxes(effect: type[Effect]) -> str:
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
+    from fmus.kit.component import effect_name
+
     signals = {
         group: [_signal(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {}) for s in among]
         for group, among in known.signals.items()
@@ -93,8 +95,8 @@ def _as_json(known: _Facts) -> dict[str, Any]:
         "name": known.name, "summary": known.summary, **signals, "presets": dict(known.presets),
         "made_from": known.made_from or None, "with": list(known.laid_over), "remarks": list(known.remarks),
         "effects": [
-            {"id": e.id, "output": e.output or None, "summary": _first_line(e), "parameter": e.neutral,
-             "relaxes": _relaxes(e)}
+            {"name": effect_name(e), "id": e.id, "output": e.output or None, "summary": _first_line(e),
+             "parameter": e.neutral, "relaxes": _relaxes(e)}
             for e in known.effects
         ],
         "step": known.step, "tolerance": known.tolerance,
@@ -151,11 +153,12 @@ def _show(known: _Facts) -> None:
 
 def _show_effects(effects: Sequence[type[Effect]]) -> None:
     """Print what can be laid over a model; of measurements each kind once, with the outputs beneath."""
+    from fmus.kit.component import effect_name
     from orchestration.reporting.console import out, plain_table
 
     table = plain_table("effects that --with lays over it", "effect", "what it is (what it relaxes; what switches it)")
-    for effect in {e.id: e for e in effects}.values():
-        name, switch = effect.id, effect.neutral
+    for effect in {(e.id, e.term.qualifier): e for e in effects}.values():
+        name, switch = effect_name(effect), effect.neutral
         if effect.output:
             name, switch = f"{effect.id}(OUTPUT)", switch.replace(effect.output, "OUTPUT")
         table.add_row(name, f"{_first_line(effect)} ({_relaxes(effect)}; {switch})")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.build.provenance import effect_name as label
+from fmus.kit.component import effect_name as label
 from fmus.kit.sensors import measurement_effects
 
 

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import fmus
 from fmus.kit import stack
+from fmus.kit.component import effect_name
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.trace import trace
@@ -26,35 +27,37 @@ from tests.support.effect_samples import ACTIVE, NEUTRAL, active, bases, effects
 # What an active effect changes at an instant, beside its own state.
 ELECTRICAL = {"voltage", "der(charge)"}
 CREEP, FLOW = "der(kelvin_elongation)", "der(maxwell_elongation)"
+STRAINS = (
+    "quadratic_strain", "quadratic_strain(modulus)", "strain_saturation", "strain_saturation(slow)", "strain_lag",
+    "strain_lag(two_stages)", "strain_hysteresis",
+)  # fmt: skip
+KINDS = dict(zip(STRAINS, ("added", "added", "factor", "factor", "behind", "behind", "behind"), strict=True))
+SPRINGS = "nonlinear_stiffness", "slack", "slack(smooth)"
 STRAIN = {"electrochemical_displacement", "displacement"}
 LENGTH = {"mechanical_displacement", "displacement"}
 TENSION = {"tension", CREEP, FLOW}  # length-driven, elongation changes the tension, and that the rates
 CHANGED = {
     PpyActuator: {
-        **dict.fromkeys(("quadratic_strain", "strain_saturation", "strain_lag", "strain_hysteresis"), STRAIN),
-        **dict.fromkeys(("second_kelvin", "nonlinear_stiffness", "slack"), LENGTH),
+        **dict.fromkeys(STRAINS, STRAIN),
+        **dict.fromkeys(("second_kelvin", *SPRINGS), LENGTH),
         "charge_dependent_stiffness": {*LENGTH, CREEP},
         "asymmetric_creep": {CREEP},
         "yield_threshold": {FLOW},
     },
     PpyActuatorLengthDriven: {
-        **dict.fromkeys(
-            ("quadratic_strain", "strain_saturation", "strain_lag", "strain_hysteresis"),
-            TENSION | {"electrochemical_displacement", "mechanical_displacement"},
-        ),
+        **dict.fromkeys(STRAINS, TENSION | {"electrochemical_displacement", "mechanical_displacement"}),
         "second_kelvin": {"mechanical_displacement", *TENSION},
-        **dict.fromkeys(("nonlinear_stiffness", "slack", "charge_dependent_stiffness"), TENSION),
+        **dict.fromkeys((*SPRINGS, "charge_dependent_stiffness"), TENSION),
         "asymmetric_creep": {CREEP},
         "yield_threshold": {FLOW},
     },
 }
 # Taut, the mechanical displacement is what the length leaves, however the spring: it changes by rounding only.
-ROUNDED = {(PpyActuatorLengthDriven, n) for n in ("nonlinear_stiffness", "slack", "charge_dependent_stiffness")}
+ROUNDED = {(PpyActuatorLengthDriven, n) for n in (*SPRINGS, "charge_dependent_stiffness")}
 # Effects that are laid one over the other, so that their order matters.
 LAYERED = [
-    *itertools.combinations(("quadratic_strain", "strain_saturation", "strain_lag"), 2),
-    ("quadratic_strain", "strain_hysteresis"), ("strain_saturation", "strain_hysteresis"),
-    ("nonlinear_stiffness", "slack"),
+    *(pair for pair in itertools.combinations(STRAINS, 2) if KINDS[pair[0]] != KINDS[pair[1]]),
+    *itertools.combinations(SPRINGS, 2),
 ]  # fmt: skip
 seeds = st.integers(0, 2**32 - 1)
 readme = (Path(fmus.__file__).parent / "ppy_actuator" / "README.md").read_text(encoding="utf-8")
@@ -64,8 +67,11 @@ def test_catalogue():
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     assert set(ACTIVE) == set(EFFECTS)
     for name, effect in EFFECTS.items():
-        assert effect.id == name
+        assert effect_name(effect) == name
         assert effect.__doc__
+        assert effect.term.law
+        assert effect.term.signal
+        assert effect.term.shape
         assert str(effect.assumption) in numbered
         assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
         own = [v for v in effect.declared.values() if v.name in {p.name for p in effect.layout.parameters}]
@@ -84,17 +90,33 @@ def test_catalogue():
 
 
 def test_table_of_the_readme():
-    rows = re.findall(r"^\| `(\w+)` \| (\d+) \| `(\w+)`", readme, re.M)
+    rows = re.findall(r"^\| `([\w()]+)` \| (\d+) \| `(\w+)`", readme, re.M)
     assert rows == [(name, str(effect.assumption), effect.neutral) for name, effect in EFFECTS.items()]
 
 
 def test_catalogue_has_the_ids_of_the_design():
-    assert list(EFFECTS) == [
+    assert list(dict.fromkeys(effect.id for effect in EFFECTS.values())) == [
         "double_layer", "diffusion", "nonlinear_leakage", "charge_dependent_capacitance", "resistance_growth",
         "capacitance_fade", "self_heating", "force_to_voltage", "quadratic_strain", "strain_saturation", "strain_lag",
         "strain_hysteresis", "charge_dependent_stiffness", "second_kelvin", "nonlinear_stiffness", "asymmetric_creep",
         "yield_threshold", "slack",
     ]  # fmt: skip
+
+
+def test_shapes_of_one_family_are_of_one_law_and_signal():
+    families = {}
+    for name, effect in EFFECTS.items():
+        families.setdefault(effect.term.family, []).append(name)
+        assert {e.term.family for e in EFFECTS.values() if e.id == effect.id} == {effect.term.family}
+    for names in families.values():
+        terms = {(EFFECTS[name].term.law, EFFECTS[name].term.signal) for name in names}
+        assert len(terms) == 1, names
+        assert len({EFFECTS[name].term.shape for name in names}) == len(names)
+    assert families["film_voltage over charge"] == [n for n in EFFECTS if n.startswith("charge_dependent_capacitance")]
+    assert families["spring_elongation over force"] == list(SPRINGS)
+    assert families["even part of charge_elongation over charge"] == list(STRAINS[:2])
+    assert families["odd part of charge_elongation over charge"] == list(STRAINS[2:4])
+    assert families["charge_elongation remembering charge"] == list(STRAINS[4:6])
 
 
 # --- neutral ----------------------------------------------------------------------------------------------------------

@@ -37,17 +37,20 @@ def root(function, about):
 def paper(v):
     """Rates and outputs from the table of the README; ``v`` gives what is there, the rest of the effects is absent."""
     p = {n: 0.0 for effect in EFFECTS.values() for n in effect.declared}
-    p |= {"thermal_resistance": 1.0, "lag_time": 0.0, "softening_load": 1.0}
-    p |= {n: 1.0 for n in p if n.endswith(("_time", "_width")) and n != "lag_time"} | v
+    p |= {"thermal_resistance": 1.0, "softening_load": 1.0, "fading_load": 1.0}
+    p |= {n: 1.0 for n in p if n.endswith(("_time", "_width")) and "lag_time" not in n} | v
     q, i = p["charge"], p["current"]
 
     # coupling, as layers in the order of the catalogue
     seen = (
         q - p["hysteresis_share"] * p["trailing_charge"] - p["lag_time"] / (p["lag_time"] + 0.05) * p["pending_charge"]
     )
+    stage = p["staged_lag_time"] / 2 + 0.05
+    seen -= p["staged_lag_time"] / 2 / stage * (p["first_stage_charge"] + p["second_stage_charge"])
     z = math.sqrt(p["strain_saturation_coefficient"]) * seen
     level = math.tanh(z) / z if z else 1.0
-    strain = (p["alpha"] * seen + p["beta"] * seen**2) * level
+    strain = (p["alpha"] * seen + p["beta"] * seen**2 + p["strain_asymmetry"] * abs(seen)) * level
+    strain /= 1.0 + p["strain_levelling"] * abs(seen)
 
     # mechanics: elongation of the chain as a function of the load, and the load from the length
     soft = math.exp(p["softening_per_charge"] * q)
@@ -55,6 +58,7 @@ def paper(v):
     creep += p["second_creep_compliance"] * p["second_kelvin_force"]
 
     def spring(load):
+        load = load * (1.0 + p["fading_compliance"] / (1.0 + abs(load) / p["fading_load"]))
         load = load + p["slack_compliance"] * min(load, p["preload"])
         scale = p["softening_load"]
         return soft / p["k1"] * (load + p["load_softening"] * (math.hypot(load, scale) - scale))
@@ -74,6 +78,9 @@ def paper(v):
     films = q / p["C"] * (1.0 + p["capacitance_fade_rate"] * p["fading_throughput"])
     if a := p["capacitance_falloff"] * q:
         films *= math.expm1(a) / a
+    if a := p["capacitance_falloff_either_way"] * abs(q):
+        films *= math.expm1(a) / a
+    films *= (1.0 + abs(p["capacitance_bend"]) * q**2) ** math.copysign(0.5, p["capacitance_bend"])
     poles = [((2 * k - 1) * math.pi / 2) ** 2 for k in range(1, 6)]
     part = p["diffusion_share"] * resistance
     rest = resistance - part * sum(2.0 / pole for pole in poles)
@@ -96,6 +103,8 @@ def paper(v):
         "der(throughput)": abs(j), "der(fading_throughput)": abs(j),
         "der(temperature_rise)":
             (p["thermal_resistance"] * (voltage * i - films * j) - p["temperature_rise"]) / p["thermal_time"],
+        "der(first_stage_charge)": j - p["first_stage_charge"] / stage,
+        "der(second_stage_charge)": (p["first_stage_charge"] - p["second_stage_charge"]) / stage,
         "der(pending_charge)": j - p["pending_charge"] / (p["lag_time"] + 0.05),
         "der(trailing_charge)": j - abs(j) * p["trailing_charge"] / p["hysteresis_width"],
         "der(second_kelvin_force)": (load - p["second_kelvin_force"]) / p["second_creep_time"],
@@ -146,7 +155,7 @@ def test_all_effects_together_run_as_scipy_integrates_them(base):
     for k in range(12):
         inputs = {"current": 0.9 if k % 6 < 3 else -0.7}
         pulled = k % 8 < 5
-        inputs |= {"force": 2.0 * pulled} if base is PpyActuator else {"length_change": 4e-4 * pulled}
+        inputs |= {"force": 2.0 * pulled} if base is PpyActuator else {"length_change": 8e-4 * pulled}
         for name, value in inputs.items():
             setattr(model, name, value)
         integrator.advance(k * 0.5, 0.5)
@@ -237,6 +246,24 @@ def test_strain_lag_is_a_first_order_lag():
     assert np.abs(elongation - exact).max() < 0.05 * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("lag", [0.3, 3.0])
+def test_strain_lag_in_two_stages_follows_its_transfer_function(lag):
+    """From the state equations of its description, and near two lags without the time that keeps them regular."""
+    elongation, _, _ = run(
+        stack(PpyActuator, EFFECTS["strain_lag(two_stages)"]), STEP, STEPS, CURRENT, staged_lag_time=lag
+    )
+    stage, charging = lag / 2 + 0.05, (R1 + R2) * C
+    share = lag / 2 / stage
+    a = [[-1 / charging, 0, 0], [-1 / charging, -1 / stage, 0], [0, 1 / stage, -1 / stage]]
+    b = [[R2 * C / charging], [R2 * C / charging], [0]]
+    c = [[ALPHA, -ALPHA * share, -ALPHA * share]]
+    _, exact, _ = lsim((a, b, c, [[0]]), CURRENT, STEP * np.arange(STEPS), interp=False)
+    assert elongation == pytest.approx(exact, rel=1e-6, abs=1e-11)
+    two = ([ALPHA * R2 * C], np.polymul([charging, 1.0], np.polymul([lag / 2, 1.0], [lag / 2, 1.0])))
+    _, pure, _ = lsim(two, CURRENT, STEP * np.arange(STEPS), interp=False)
+    assert np.abs(elongation - pure).max() < 0.05 * np.abs(pure).max()
+
+
 def test_strain_lag_starts_at_rest_whatever_the_charge():
     cls = stack(PpyActuator, EFFECTS["strain_lag"])
     assert cls(lag_time=5.0, charge_start=2.0).electrochemical_displacement() == ALPHA * 2.0
@@ -285,6 +312,21 @@ def test_charge_dependent_capacitance_is_the_integral_of_its_differential_one():
         model.charge = charge
         exact = quad(lambda q: 1.0 / (C * math.exp(-a * q)), 0.0, charge, epsabs=0.0, epsrel=1e-13)[0]
         assert model.film_voltage() == pytest.approx(exact, rel=1e-12)
+
+
+def test_capacitance_that_depends_on_the_modulus_of_the_charge():
+    """Its differential values, by central differences: C exp(-a |Q|), and even about zero to the second order."""
+    slopes = {}
+    for name, values in (("modulus", {"capacitance_falloff_either_way": -0.12}), ("even", {"capacitance_bend": -0.07})):
+        model = stack(PpyActuator, EFFECTS[f"charge_dependent_capacitance({name})"])(**values)
+        for charge in (-8.0, -1.5, 0.02, 0.9, 5.0):
+            ends = []
+            for model.charge in (charge - 1e-4, charge + 1e-4):
+                ends.append(model.film_voltage())
+            slopes[name, charge] = 2e-4 / (ends[1] - ends[0])
+    for charge in (-8.0, -1.5, 0.02, 0.9, 5.0):
+        assert slopes["modulus", charge] == pytest.approx(C * math.exp(0.12 * abs(charge)), rel=1e-6)
+        assert slopes["even", charge] == pytest.approx(C * (1 + 0.07 * charge**2) ** 1.5, rel=1e-6)
 
 
 def test_self_heating_ends_where_supply_and_loss_balance():
@@ -368,6 +410,8 @@ def test_yield_threshold_leaves_small_loads_without_flow():
     [
         # in units of 1/k1, at 0, 0.4, 1 and 2.5 N
         ("slack", {"slack_compliance": 1.5, "preload": 0.8}, [0.0, 1.0, 2.2, 3.7]),
+        ("slack(smooth)", {"fading_compliance": 1.5, "fading_load": 0.6},
+         [0.0, 0.4 + 0.36, 1.0 + 0.5625, 2.5 + 2.25 / 3.1]),
         ("nonlinear_stiffness", {"load_softening": 0.4, "softening_load": 0.75},
          [0.0, 0.4 + 0.4 * 0.1, 1.0 + 0.4 * 0.5, 2.5 + 0.4 * (math.hypot(2.5, 0.75) - 0.75)]),
     ],

@@ -60,7 +60,7 @@ def complete(words, cwd):
         ("ppy info ppy_", ["ppy_actuator", "ppy_actuator_length_driven"]),
         ("ppy build galvanostat foo", ["foot", "foot_dynamic"]),
         ("ppy compare x.csv --model galv", ["galvanostat"]),
-        ("ppy simulate ppy_actuator --with strain_sat", ["strain_saturation"]),
+        ("ppy simulate ppy_actuator --with strain_sat", ["strain_saturation", "strain_saturation(slow)"]),
         ("ppy simulate ppy_actuator --with slack,sensor_lag(v", ["slack,sensor_lag(voltage)"]),
         ("ppy diagnose x.csv --effects diff", ["diffusion"]),
         ("ppy run fig_4", ["fig_4_5"]),
