@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo hil-demo test test-slow naming clean-study hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: demo hil-demo test test-slow naming clean-study hidden-study hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -11,6 +11,7 @@ help:
 	@echo "make test-slow  the tests that take minutes"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
+	@echo "make hidden-study whether one hidden effect is named, in models other than the actuator"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
 	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
@@ -29,6 +30,9 @@ test-slow: $(VENV)/installed-dev chromium
 clean-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.clean
 	$(BIN)/python -m benchmarks.public
+
+hidden-study: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.hidden
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.kept import judged
+from benchmarks.kept import add_options, among, judged
 from benchmarks.tables import Table, Topic
 from fmus.kit.errors import UserError
 from tests.support.clean.judge import least_squares_fit, pooled_error
@@ -297,18 +297,11 @@ def _shortened(why: Sequence[str], most: int = 6) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.clean", description=__doc__.split("\n\n")[0])
-    parser.add_argument("--records", type=int, default=320)
-    parser.add_argument("--seed", type=int, default=1)
+    add_options(parser, 320, "clean")
     parser.add_argument("--every", type=int, default=4, help="hold every so-manieth against least squares; 0 for none")
-    parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
-    parser.add_argument("--without", nargs="*", default=[], help="words that a case must not contain")
-    parser.add_argument("--kept", type=Path, help="JSON lines, one a record; default build/clean/SEED.jsonl")
     parser.add_argument("--out", type=Path, help="page; default docs/clean-records.md unless some are left out")
     chosen = parser.parse_args(arguments)
-    wanted = [
-        case for case in cases(chosen.records, chosen.seed)
-        if all(word in str(case) for word in chosen.only) and not any(word in str(case) for word in chosen.without)
-    ]  # fmt: skip
+    wanted = among(cases(chosen.records, chosen.seed), chosen)
     kept = chosen.kept or ROOT / "build" / "clean" / f"{chosen.seed}.jsonl"
     text = str(report(run(wanted, kept, chosen.every, lambda line: print(line, flush=True))))
     print("\n" + text)

@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.clean import ROOT, diagnosed, grouped, settings_of, share
 from benchmarks.floor import BASE, EVIDENCE, Fitted, fitted_alone, listed
-from benchmarks.kept import judged
+from benchmarks.kept import add_options, among, judged
 from benchmarks.tables import Table, Topic
 from fmus.kit import Effect
 from orchestration.fmu.model import find_model
@@ -230,18 +230,11 @@ def run(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hidden", description=__doc__.split("\n\n")[0])
-    parser.add_argument("--records", type=int, default=120)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
-    parser.add_argument("--without", nargs="*", default=[], help="words that a case must not contain")
+    add_options(parser, 120, "hidden")
     parser.add_argument("--no-floor", action="store_true", help="do not fit every effect alone, which takes longest")
-    parser.add_argument("--kept", type=Path, help="JSON lines, one a record; default build/hidden/SEED.jsonl")
     parser.add_argument("--out", type=Path, help="page to write")
     chosen = parser.parse_args(arguments)
-    wanted = [
-        case for case in cases(chosen.records, chosen.seed)
-        if all(word in str(case) for word in chosen.only) and not any(word in str(case) for word in chosen.without)
-    ]  # fmt: skip
+    wanted = among(cases(chosen.records, chosen.seed), chosen)
     kept = chosen.kept or ROOT / "build" / "hidden" / f"{chosen.seed}.jsonl"
     text = str(report(run(wanted, kept, not chosen.no_floor, lambda line: print(line, flush=True))))
     print("\n" + text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..kit import Effect, Parameter
+from ..kit.component import Term, by_name
 
 if TYPE_CHECKING:
     from .model import Galvanostat
@@ -24,6 +25,7 @@ class CurrentSaturation(GalvanostatEffect):
 
     id = "current_saturation"
     neutral = "current_limit_loss"
+    term = Term("maximum_current", "current_command", "(1 - l) I", "maximum_current over current_command")
     assumption = 1
 
     current_limit_loss = Parameter(
@@ -35,4 +37,42 @@ class CurrentSaturation(GalvanostatEffect):
         return super().maximum_current() * (1.0 - self.current_limit_loss)
 
 
-EFFECTS: dict[str, type[Effect]] = {effect.id: effect for effect in (CurrentSaturation,)}
+class CurrentOffset(GalvanostatEffect):
+    """Current that flows where none is wanted: an offset of the drive, within its limits and not in recovery.
+
+    Relaxes assumption 2, that the instrument is ideal between its limits; ``b = 0`` is the base model.
+    """
+
+    id = "current_offset"
+    neutral = "drive_offset"
+    assumption = 2
+    term = Term("tolerated_current", "", "b", "tolerated_current offset")
+
+    drive_offset = Parameter(
+        0.0, "A", min=-1e3, max=1e3, nominal=1e-3, display="mA", doc="current besides the wanted (b)"
+    )
+
+    def tolerated_current(self) -> Any:
+        """Wanted current and the offset."""
+        return super().tolerated_current() + self.drive_offset
+
+
+class CurrentGain(GalvanostatEffect):
+    """Drive whose scale is wrong: ``(1 + g)`` times the wanted current, within its limits.
+
+    Relaxes assumption 2, that the instrument is ideal between its limits; ``g = 0`` is the base model.
+    """
+
+    id = "current_gain"
+    neutral = "drive_gain_error"
+    assumption = 2
+    term = Term("tolerated_current", "current_command", "g i", "tolerated_current over current_command")
+
+    drive_gain_error = Parameter(0.0, "1", min=-0.99, max=1e2, nominal=0.01, doc="relative error of the current (g)")
+
+    def tolerated_current(self) -> Any:
+        """Wanted current times 1 + g."""
+        return super().tolerated_current() * (1.0 + self.drive_gain_error)
+
+
+EFFECTS: dict[str, type[Effect]] = by_name(CurrentSaturation, CurrentOffset, CurrentGain)

@@ -24,6 +24,7 @@ from .functions import (
     sign,
     sin,
     sqrt,
+    table,
     tanh,
     where,
 )
@@ -31,5 +32,5 @@ from .functions import (
 __all__ = [
     "Component", "Discrete", "Effect", "Input", "Output", "Parameter", "Preset", "State", "Text", "UserError",
     "absolute", "arccos", "arctan2", "clip", "cos", "exp", "floor", "hypot", "log", "logical_and", "logical_not",
-    "logical_or", "maximum", "minimum", "sign", "sin", "sqrt", "stack", "tanh", "where",
+    "logical_or", "maximum", "minimum", "sign", "sin", "sqrt", "stack", "table", "tanh", "where",
 ]  # fmt: skip

@@ -3,7 +3,9 @@
 A law that a model takes to be linear is a curve in truth: friction over velocity, a spring's force over its
 elongation, a voltage over charge. Each shape here adds to a law ``f(x)`` of one signal; at the neutral value of its
 first parameter the law gives the bits of the component below. :mod:`fmus.kit.generic` has those that engineers know by
-a name of their own.
+a name of their own. Stribeck's curve is that of Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models,
+analysis tools and compensation methods for the control of machines with friction, Automatica 30(7), 1994; the weir is
+Poleni's.
 """
 
 from __future__ import annotations
@@ -15,11 +17,12 @@ from typing import Any
 from .component import Component, Effect, Term
 from .declare import Declaration, Parameter
 from .errors import UserError, suggestion
-from .functions import absolute, exp, maximum, minimum, sqrt, tanh
+from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
 _STEEPEST = 30.0  # exponent beyond which an exponential is cut off: ten million million times its unit
 _ROUND = 1e-6  # of the nominal signal, below which a square root is straight
+_STEEP = 10.0  # of the sign in Stribeck's curve, relative to the velocity at which it falls
 _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical size
 
 
@@ -36,7 +39,7 @@ class Shape:
     width : float
         Where a search for ``w`` starts, in typical sizes of the signal; 0 where there is none.
     text : str
-        The formula, for people.
+        The formula, for people; n is the nominal signal, because units have whole powers in FMI.
     least : float
         Of ``a``, in nominal values.
     """
@@ -57,7 +60,22 @@ SHAPES: dict[str, Shape] = {
     "saturating": Shape(lambda x, w, s: tanh(x / w), 0, 1.0, "a tanh(x / w)"),
     "sign": Shape(lambda x, w, s: tanh(x / w), 0, _SHARP, "a tanh(x / w), w small", 0.0),
     "exponential": Shape(lambda x, w, s: exp(minimum(x / w, _STEEPEST)) - 1.0, 0, 1.0, "a (exp(x / w) - 1)"),
-    "square_root": Shape(lambda x, w, s: x / sqrt(absolute(x) + _ROUND * s), 0.5, 0.0, "a x / sqrt(|x|)"),
+    "square_root": Shape(lambda x, w, s: x / sqrt(absolute(x) / s + _ROUND), 1, 0.0, "a x / sqrt(|x| / n)"),
+    "stribeck": Shape(
+        lambda x, w, s: tanh(_STEEP * x / w) * exp(-minimum((x / w) * (x / w), _STEEPEST)),
+        0,
+        0.1,
+        "a sign(x) exp(-(x / w)^2), smooth",
+        0.0,
+    ),
+    "stops": Shape(lambda x, w, s: x - clip(x, -w, w), 1, 0.5, "a (x - clip(x, -w, w))", 0.0),
+    "weir": Shape(
+        lambda x, w, s: maximum(x - w, 0.0) * sqrt(maximum(x - w, 0.0) / s + _ROUND),
+        1,
+        0.5,
+        "a e sqrt(e / n) with e = max(x - w, 0)",
+        0.0,
+    ),
     "upper_stop": Shape(lambda x, w, s: maximum(x - w, 0.0), 1, 0.5, "a max(x - w, 0)"),
     "lower_stop": Shape(lambda x, w, s: minimum(x + w, 0.0), 1, 0.5, "a min(x + w, 0)"),
 }
@@ -66,6 +84,7 @@ SHAPES: dict[str, Shape] = {
 def curve(
     component: type[Component], law: str, signal: str, shape: str, unit: str = "1", nominal: float = 1.0,
     scale: float | None = None, id: str = "", suffixes: tuple[str, ...] = (), qualifier: str = "",
+    either_way: bool = False,
 ) -> type[Effect]:  # fmt: skip
     """Let a law do more: a shape of one signal is added to it.
 
@@ -91,6 +110,8 @@ def curve(
         Of the parameters' names behind the law's: of ``a``, and of ``w``.
     qualifier : str, optional
         What tells it from the same of another law.
+    either_way : bool
+        Whether ``a`` may have any sign, as in a rate, from which what brakes is taken away.
 
     Returns
     -------
@@ -119,7 +140,7 @@ def curve(
         "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, of.unit, chosen.power), nominal / size**chosen.power,
-            f"part {chosen.text} of {law}, x being {signal} (a)", least=chosen.least,
+            f"part {chosen.text} of {law}, x being {signal} (a)", least=-ANY if either_way else chosen.least,
         ),
     }  # fmt: skip
     if chosen.width:
@@ -129,7 +150,7 @@ def curve(
         members[width] = Parameter(
             begin, of.unit, min=least, max=1e3 * size, nominal=begin, doc=f"{signal} at which {law} bends (w)"
         )
-    given = (law, signal, shape, unit, nominal, scale, id, suffixes, qualifier)
+    given = (law, signal, shape, unit, nominal, scale, id, suffixes, qualifier, either_way)
     about = {"id": id or shape, "term": Term(law, signal, chosen.text, f"{law} over {signal}", qualifier)}
     return added(curve, component, given, more, members | about)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 _SCALARS = (float, int, bool)
@@ -105,3 +105,34 @@ def maximum(a: Any, b: Any) -> Any:
 def clip(x: Any, low: Any, high: Any) -> Any:
     """Limit ``x`` to ``[low, high]``."""
     return minimum(maximum(x, low), high)
+
+
+def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
+    """Interpolate linearly in a table, and stay flat beyond its ends, as ``numpy.interp`` does.
+
+    Its points may be parameters, of which it has exact sensitivities. Of a number that is none it is the first value.
+
+    Parameters
+    ----------
+    x : float, ndarray or SX
+    xs : sequence
+        Abscissae, each above the one before.
+    ys : sequence
+        Values, as many.
+
+    Returns
+    -------
+    float, ndarray or SX
+        In the unit of the values.
+
+    Raises
+    ------
+    ValueError
+        If there are no points, or not as many values as abscissae.
+    """
+    if not xs or len(xs) != len(ys):
+        raise ValueError(f"a table of {len(xs)} abscissae and {len(ys)} values")
+    found = ys[0]
+    for left, right, low, high in zip(xs, xs[1:], ys, ys[1:], strict=False):
+        found = where(x > left, low + (high - low) / (right - left) * (x - left), found)
+    return where(x >= xs[-1], ys[-1], found)

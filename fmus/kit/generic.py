@@ -180,8 +180,12 @@ def extra_kelvin(
     return _known(effect, extra_kelvin, "creep has no further time constant")
 
 
+def described(effect: type[Effect], assumption: int | str, text: str) -> type[Effect]:
+    """Say of an effect, for a component's own catalogue, what it is and which assumption it relaxes."""
+    effect.__doc__, effect.assumption = text, assumption
+    return effect
+
+
 def _known(effect: type[Effect], make: Callable[..., type[Effect]], assumption: str) -> type[Effect]:
     """Let an effect be described as engineers know it."""
-    effect.__doc__ = str(make.__doc__).partition("\n\n    Parameters\n")[0]
-    effect.assumption = assumption
-    return effect
+    return described(effect, assumption, str(make.__doc__).partition("\n\n    Parameters\n")[0])

@@ -13,13 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .arms import GIVES
 from .component import Component, Effect, Term
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, sqrt
 
 _ANY = 1e6  # bound of parameters, in typical magnitudes of the input
-_GIVES = 0.01  # s, in which a play has followed; shorter is as good as at once
 
 
 class _AsItArrives:
@@ -109,6 +109,39 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     })  # fmt: skip
 
 
+def asymmetric_dead_zone(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
+    """Dead zone of an input whose ends differ: from ``-r d`` to ``d`` nothing arrives.
+
+    Parameters
+    ----------
+    component, input, scale
+        See :func:`dead_zone`.
+
+    Returns
+    -------
+    type[Effect]
+        With parameters ``<input>_dead_zone_end`` (d), of which 0 is the base model, and ``<input>_dead_zone_ratio``.
+
+    Raises
+    ------
+    UserError
+        If there is no such input.
+    """
+    of, size = _input(component, input, scale)
+    end, ratio = f"{input}_dead_zone_end", f"{input}_dead_zone_ratio"
+
+    def arrives(self: Any, x: Any) -> Any:
+        return x - clip(x, -(getattr(self, ratio) * getattr(self, end)), getattr(self, end))
+
+    return _feeding(asymmetric_dead_zone, component, input, (scale,), "x - clip(x, -r d, d)", arrives, {
+        end: Parameter(
+            0.0, of.unit, min=0.0, max=_ANY * size, nominal=0.1 * size, display=of.display,
+            doc=f"positive {input} below which nothing arrives (d); 0 is without",
+        ),
+        ratio: Parameter(1.0, "1", min=0.0, max=1e3, nominal=1.0, doc=f"lower end of it relative to {end} (r)"),
+    })  # fmt: skip
+
+
 def input_offset(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
     """Offset of an input: something arrives where nothing is commanded.
 
@@ -195,7 +228,7 @@ def backlash(component: type[Component], input: str, scale: float | None = None)
         return x - clip(x - getattr(self, place), -getattr(self, gap), getattr(self, gap))
 
     def rate(self: Any, x: Any) -> Any:
-        return (arrives(self, x) - getattr(self, place)) / _GIVES
+        return (arrives(self, x) - getattr(self, place)) / GIVES
 
     return _feeding(backlash, component, input, (scale,), "x - clip(x - z, -d, d)", arrives, {
         gap: Parameter(
@@ -241,4 +274,4 @@ def input_lag(component: type[Component], input: str, scale: float | None = None
     }, (f"{behind}_rate", rate))  # fmt: skip
 
 
-INPUT_EFFECTS = (dead_zone, input_offset, input_saturation, backlash, input_lag)
+INPUT_EFFECTS = (dead_zone, asymmetric_dead_zone, input_offset, input_saturation, backlash, input_lag)

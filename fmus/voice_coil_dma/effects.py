@@ -9,9 +9,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..kit import Effect, Parameter, sqrt, tanh, where
+from ..kit.arms import arm
+from ..kit.component import Term, by_name
+from ..kit.curves import curve
+from ..kit.generic import described
+from .model import VoiceCoilDma
 
 if TYPE_CHECKING:
-    from .model import VoiceCoilDma
 
     class BenchEffect(Effect, VoiceCoilDma):
         """What an effect can count on: the laws of the bench that it is laid over."""
@@ -20,6 +24,8 @@ else:
 
 # z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the slope below 1e-12.
 _SMALL = 1e-6
+_STROKE = 12.7e-3  # m to either side, thesis section 2.2.2
+_CONTINUOUS = 4.9 / 3.9  # A, of the force that the coil may give continuously
 
 
 class CoulombFriction(BenchEffect):
@@ -31,6 +37,7 @@ class CoulombFriction(BenchEffect):
 
     id = "coulomb_friction"
     neutral = "coulomb_force"
+    term = Term("slide_friction", "velocity", "F_c tanh(v / v_c)", "slide_friction over velocity")
     assumption = 1
 
     coulomb_force = Parameter(0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction of the slide (F_c)")
@@ -53,6 +60,7 @@ class AsymmetricFriction(BenchEffect):
 
     id = "asymmetric_friction"
     neutral = "asymmetric_force"
+    term = Term("slide_friction", "velocity", "F_a s (1 + s) / 2", "slide_friction over velocity")
     assumption = 1
 
     asymmetric_force = Parameter(
@@ -77,6 +85,7 @@ class PositionDependentForceConstant(BenchEffect):
 
     id = "position_dependent_force_constant"
     neutral = "force_constant_falloff"
+    term = Term("force_constant", "position", "K / (1 + c (x - x_c)^2)", "force_constant over position")
     assumption = 2
 
     force_constant_falloff = Parameter(
@@ -102,6 +111,7 @@ class AmplifierSaturation(BenchEffect):
 
     id = "amplifier_saturation"
     neutral = "amplifier_saturation_coefficient"
+    term = Term("drive_voltage", "voltage_command", "V_s tanh(u / V_s)", "drive_voltage over voltage_command")
     assumption = 3
 
     amplifier_saturation_coefficient = Parameter(
@@ -119,7 +129,44 @@ class AmplifierSaturation(BenchEffect):
         return voltage * where(small, series, tanh(z) / z)
 
 
-EFFECTS: dict[str, type[Effect]] = {
-    effect.id: effect
-    for effect in (CoulombFriction, AsymmetricFriction, PositionDependentForceConstant, AmplifierSaturation)
-}
+_STRIBECK = described(
+    curve(
+        VoiceCoilDma, "slide_friction", "velocity", "stribeck", "N", scale=0.02, id="stribeck_friction",
+        suffixes=("stribeck", "stribeck_velocity"),
+    ), 1,
+    """Friction that is larger at low speed, after Stribeck: ``F_s sign(v) exp(-(v / v_s)^2)`` more, smooth.
+
+    Relaxes assumption 1, that friction is viscous; ``F_s = 0`` is the base model.
+    """,
+)  # fmt: skip
+_STOPS = described(
+    curve(
+        VoiceCoilDma, "slide_friction", "position", "stops", "N", scale=2.0 * _STROKE, id="end_stops",
+        suffixes=("stop_stiffness", "stop_position"),
+    ), 4,
+    """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, w being 12.7 mm to begin with.
+
+    Relaxes assumption 4, that the stroke is not limited; ``k = 0`` is the base model.
+    """,
+)  # fmt: skip
+_HEATING = described(
+    arm(
+        VoiceCoilDma, "coil_resistance", "coil_current", "warming", 100.0, "ohm", 0.3, _CONTINUOUS, "coil_heating",
+        ("coil_heating", "coil_heating_time", "coil_mean_square"),
+    ), 7,
+    """Coil whose resistance rises as it warms: ``a s`` more, ``T ds/dt = i^2 - s``, a thermal node of the dissipation.
+
+    The 4.9 N that the coil may give for long are 1.26 A. Relaxes assumption 7, that its resistance is constant;
+    ``a = 0`` is the base model.
+    """,
+)  # fmt: skip
+
+EFFECTS: dict[str, type[Effect]] = by_name(
+    CoulombFriction,
+    AsymmetricFriction,
+    _STRIBECK,
+    _STOPS,
+    PositionDependentForceConstant,
+    AmplifierSaturation,
+    _HEATING,
+)

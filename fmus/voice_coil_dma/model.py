@@ -107,10 +107,14 @@ class VoiceCoilDma(Component):
         """Voltage out of converter and unity-gain amplifier: the command within 0 to 10 V (section 2.2.3)."""
         return self.converted(_limited(self.voltage_command, self.voltage_min, self.voltage_max))
 
+    def coil_resistance(self) -> Any:
+        """Resistance of the coil, R (eq. 2.1)."""
+        return self.R
+
     def current_rate(self) -> Any:
         """Coil circuit (eq. 2.1): L di/dt = v - R i - K dx/dt."""
         back_emf = self.force_constant() * self.velocity
-        return (self.drive_voltage() - self.R * self.coil_current - back_emf) / self.L
+        return (self.drive_voltage() - self.coil_resistance() * self.coil_current - back_emf) / self.L
 
     # --- slide ------------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, refuse_same
-from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
+from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.note import Note, UnusableRecordError
 from orchestration.discrepancy.pipeline import Options, Result, absent_inputs, budget_of, parameters_given
@@ -107,5 +107,4 @@ def _explaining(diagnosis: Diagnosis) -> FittedCandidate:
 
     Where something remains, what was named may stand in for it, and would bend the parameters.
     """
-    explained = diagnosis.verdict is not Verdict.UNEXPLAINED
-    return diagnosis.selection.best if explained else diagnosis.selection.base
+    return diagnosis.selection.best if diagnosis.explained else diagnosis.selection.base

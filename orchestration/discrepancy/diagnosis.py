@@ -26,9 +26,10 @@ from orchestration.discrepancy.selection.revision import revised
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation import errors_in_variables
+from orchestration.discrepancy.validation.confirmation import Confirmation, confirmed
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.following import not_followed
-from orchestration.discrepancy.validation.prediction import Prediction, validated
+from orchestration.discrepancy.validation.prediction import Prediction
 from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
 from orchestration.identify.estimate import Estimate
@@ -57,7 +58,7 @@ class Diagnosis:
     ----------
     verdict : Verdict
     selection : Selection
-        Effects that were named and validated, and what was tried beside them.
+        Effects that were named and not refuted, and what was tried beside them.
     estimates : dict of str to Estimate
         Of the best model, fitted to all that was measured.
     changed : list of str
@@ -79,6 +80,8 @@ class Diagnosis:
         What every input that moves is taken to do between samples.
     excused : frozenset of tuple of str and type
         Kinds of structure, by output, that noise on the inputs makes by itself.
+    confirmations : dict of str to Confirmation
+        What the validation data say of every effect that was named, by its name.
     """
 
     verdict: Verdict
@@ -94,6 +97,7 @@ class Diagnosis:
     notes: list[Note] = field(default_factory=list)
     intersample: dict[str, Intersample] = field(default_factory=dict)
     excused: frozenset[tuple[str, type]] = frozenset()
+    confirmations: dict[str, Confirmation] = field(default_factory=dict)
 
     def unexplained(self, output: str) -> list[Structure]:
         """Structure in the residual of an output that noise on the inputs does not make, the most telling first."""
@@ -113,6 +117,12 @@ class Diagnosis:
     def causes(self) -> list[str]:
         """Effects named, in the order in which they were found."""
         return [step.chosen.effect_name for step in self.selection.steps]
+
+    @property
+    def explained(self) -> bool:
+        """Whether what was named, or parameters, account for all that the record shows."""
+        beside = {NoteCode.SOMETHING_LEFT, NoteCode.IMPLAUSIBLE}
+        return self.verdict is not Verdict.UNEXPLAINED and not beside & {note.code for note in self.notes}
 
     @property
     def unsettled(self) -> bool:
@@ -197,7 +207,8 @@ def diagnose(
     selection = Selection(base) if inconclusive else revised(search, select(search, effects, base), effects)
     noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
-    selection, predictions, dropped = validated(_trusted(search, selection), validation)
+    judged = confirmed(_trusted(search, selection), validation)
+    selection, predictions = judged.selection, judged.predictions
     final, failed = _refitted(replace(search, data=usable), selection.best, holdout is None)
     more = np.hypot(noise.spread_of(final.problem.names), intersample.spread(chosen, final))
     values = estimates(final, more)
@@ -208,27 +219,25 @@ def diagnose(
     residuals = analyse_residuals(selection.best, estimation)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
     astray = not_followed(validation, predictions[-1])
+    left = _is_left(selection, residuals, excused)
     notes = [
         *_excitation_notes([*parts.notes, *by_clock], estimation, excited, starts),
         *intersample.remarks(chosen),
         *errors_in_variables.remarks(noise, base, estimation.inputs),
         *by_noise,
-        *dropped,
+        *judged.notes,
         *failed,
         *([] if inconclusive else reservations(final, physical)),
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
-        *_remarks(selection, residuals, astray),
-        *([Note(NoteCode.NO_GAIN)] if selection.steps and not _gained(predictions) else []),
+        *_remarks(selection, residuals, [*astray, *_doubts(predictions, left)]),
         *search.budget.notes,
     ]
-    # a cause that was named made what was held out likelier, and is not taken back
-    amiss = bool(odd) or (bool(astray) and not selection.steps)
     unknown = inconclusive or (unfitted and not selection.steps)
-    verdict = Verdict.AMBIGUOUS if unknown else _verdict(selection, residuals, changed, excused, amiss)
+    verdict = Verdict.AMBIGUOUS if unknown else _verdict(selection, changed, left or bool(odd) or bool(astray))
     return Diagnosis(
         verdict, selection, values, changed, residuals, *errors_side_by_side(predictions, validation), estimation,
-        validation, final, notes, chosen, excused,
+        validation, final, notes, chosen, excused, judged.confirmations,
     )  # fmt: skip
 
 
@@ -276,6 +285,16 @@ def _gained(predictions: Sequence[Prediction]) -> bool:
     return any(after[o] < before[o] for o in before) and not any(after[o] > DEGRADED * before[o] for o in before)
 
 
+def _doubts(predictions: Sequence[Prediction], left: bool) -> list[Note]:
+    """What stands beside causes that were named: something left, or an error that is no smaller where it was judged."""
+    if len(predictions) == 1:
+        return []
+    return [
+        *([Note(NoteCode.SOMETHING_LEFT)] if left else []),
+        *([] if _gained(predictions) else [Note(NoteCode.NO_GAIN)]),
+    ]
+
+
 def _remarks(selection: Selection, residuals: Mapping[str, ResidualAnalysis], astray: Sequence[Note]) -> list[Note]:
     """What to mind of what was named, and of what is left where was fitted and where was not."""
     return [*_confounders(selection), *remarks(residuals), *astray]
@@ -294,16 +313,24 @@ def _confounders(selection: Selection) -> list[Note]:
     return notes
 
 
-def _verdict(
-    selection: Selection,
-    residuals: Mapping[str, ResidualAnalysis],
-    changed: Sequence[str],
-    excused: frozenset[tuple[str, type]],
-    amiss: bool,
-) -> Verdict:
-    if amiss or any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
+def _verdict(selection: Selection, changed: Sequence[str], amiss: bool) -> Verdict:
+    """What was found; a cause that was named and not refuted is told whatever is left beside it."""
+    if selection.steps:
+        return Verdict.AMBIGUOUS if any(step.alternatives for step in selection.strong) else Verdict.CAUSE
+    if amiss:
         return Verdict.UNEXPLAINED
-    # what was named is never quite of the form that the catalogue gives it, and that leaves something where it acts
+    return Verdict.RECALIBRATE if changed else Verdict.CONSISTENT
+
+
+def _is_left(
+    selection: Selection, residuals: Mapping[str, ResidualAnalysis], excused: frozenset[tuple[str, type]]
+) -> bool:
+    """Whether there is structure in a residual that neither noise on the inputs makes nor the form of a cause.
+
+    What was named is never quite of the form that the catalogue gives it, and that leaves something where it acts.
+    """
+    if any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
+        return True
     before, after = selection.base.fit, selection.best.fit
     noise = {o: power(after.innovation[o]) * n.deviation**2 for o, n in after.noise.items()}
     small = {
@@ -312,8 +339,4 @@ def _verdict(
         for o in residuals
     }
     left = [o for o, analysis in residuals.items() for s in analysis.structure if (o, type(s)) not in excused]
-    if not all(small[o] for o in left):
-        return Verdict.UNEXPLAINED
-    if selection.steps:
-        return Verdict.AMBIGUOUS if any(step.alternatives for step in selection.strong) else Verdict.CAUSE
-    return Verdict.RECALIBRATE if changed else Verdict.CONSISTENT
+    return not all(small[o] for o in left)

@@ -18,7 +18,7 @@ from fmus.kit.record.smooth_inputs import with_knots
 from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
+from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.validation.prediction import parameters_on
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
@@ -94,7 +94,7 @@ def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -
     alternatives = [e.effect_name for step in diagnosis.selection.steps for e in step.alternatives]
     if alternatives:
         remarks.append(f"On this record it cannot be told apart from {', '.join(alternatives)}")
-    if diagnosis.verdict is Verdict.UNEXPLAINED:
+    if not diagnosis.explained:
         remarks.append("It does not account for all that the record shows")
     first = diagnosis.final.problem.runs[0]
     for p in best.cls.layout.parameters:

@@ -51,6 +51,7 @@ class NoteCode(StrEnum):
     INPUT_NOISE_DOES_THE_SAME = "input_noise_does_the_same"
     CONFOUNDED = "confounded"
     # what is left
+    SOMETHING_LEFT = "something_left"
     OUTLYING_RESIDUALS = "outlying_residuals"
     VARYING_NOISE = "varying_noise"
     FEEDBACK = "feedback"

@@ -73,7 +73,7 @@ def test_recalibration_gains_on_the_unseen_record(done):
 
 def test_the_hidden_effect_is_named_and_its_gain_holds(done, page):
     """Of what was hidden the models know nothing but the record; the voltage is right as it is."""
-    sentence = "What the model gets wrong: strain_saturation."
+    sentence = "What the model gets wrong: strain_saturation (confirmed on the held-out third)."
     assert f"cause  {sentence}" in done[1].stdout
     assert sentence in page
     errors = dict(

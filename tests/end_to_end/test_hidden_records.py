@@ -158,8 +158,21 @@ def test_what_is_left_is_counted_in_noise_widths():
     square, ramp = (HiddenCase("Cell", stimulus, "Gaussian", 5, hidden=name) for stimulus in ("PRBS", "triangle"))
     assert left(draw_hidden(square)) < hidden.LEAST < left(draw_hidden(ramp))
     drawn = draw_hidden(ramp)
+    slight = draw_hidden(replace(ramp, strength=0.3))
+    volts = [left(one) * one.deviation["voltage"] for one in (slight, drawn)]
+    assert volts[0] == pytest.approx(0.3 * volts[1], rel=0.05)
     off = {o: y + 2.0 * drawn.deviation[o] for o, y in drawn.clean.items()}
     assert widths(drawn, off) == pytest.approx(dict.fromkeys(off, 2.0))
+
+
+def test_sensors_start_from_what_they_read_before_anything_happened():
+    """Of a record that starts at rest the first sample is the open-circuit voltage, whatever the current."""
+    lagging = next(n for n, v in VARIATIONS.items() if (v.plant, v.family) == ("Cell", "sensor lag"))
+    drawn = draw_hidden(HiddenCase("Cell", "square", "Gaussian", 5, hidden=lagging))
+    assert drawn.clean["voltage"][0] == pytest.approx(drawn.truth["ocv"])
+    warm = next(n for n, v in VARIATIONS.items() if (v.plant, v.family) == ("ThermalNodes", "sensor lag"))
+    drawn = draw_hidden(HiddenCase("ThermalNodes", "square", "Gaussian", 5, hidden=warm))
+    assert {y[0] for y in drawn.clean.values()} == {293.0}
 
 
 def test_coloured_noise_tells_less():

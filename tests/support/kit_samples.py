@@ -13,6 +13,7 @@ from fmus.kit import (
     exp,
     maximum,
     sign,
+    table,
     where,
 )
 
@@ -173,3 +174,27 @@ class Doubled(Effect):
 
     def ageing(self):
         return 1.0
+
+
+class Sledge(Component):
+    """Nothing brakes it; its force is that of a table of three points."""
+
+    name = "sledge"
+
+    mass = Parameter(2.0, "kg", min=1e-3)
+    low, middle, high = Parameter(-1.0, "N"), Parameter(0.5, "N"), Parameter(3.0, "N")
+    command = Input("1")
+    velocity = State("m/s", rate="acceleration")
+
+    def thrust(self):
+        """Table of the command."""
+        return table(self.command, (-1.0, 0.5, 2.0), (self.low, self.middle, self.high))
+
+    def acceleration(self):
+        """Newton's law."""
+        return self.thrust() / self.mass
+
+    @Output("N")
+    def force(self):
+        """As measured."""
+        return self.thrust()

@@ -10,10 +10,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
+import numpy as np
+
 from fmus.kit import units
-from fmus.kit.arms import arm
+from fmus.kit.arms import ARMS, arm
 from fmus.kit.component import Component, Effect
-from fmus.kit.curves import curve
+from fmus.kit.curves import SHAPES, curve, variable
 from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_EFFECTS
 from fmus.kit.symbolic.trace import trace
@@ -23,6 +26,7 @@ _WRITTEN = (
     "1", "N", "N*m", "V", "A", "W", "Pa", "ohm", "F", "C", "N/m", "N*s/m", "m", "m/s", "m/s^2", "rad", "rad/s",
     "rad/s^2", "A/s", "V/s", "N/s", "Pa/s", "K", "K/s", "kg", "kg/s", "m^3/s", "s", "1/s",
 )  # fmt: skip
+_POINTS, _SAME = 64, 1e-4  # at which a law is compared with a shape, and the share in which they may differ
 _TIME = 1.0  # s, where a search for a time constant starts if nothing is known of the record
 
 
@@ -50,13 +54,16 @@ class LawOfModel:
 
 
 _FRICTION = {
-    "sign": "coulomb_friction", "asymmetric": "asymmetric_friction", "odd_quadratic": "quadratic_drag",
+    "linear": "viscous_drag", "stribeck": "stribeck_friction", "sign": "coulomb_friction",
+    "asymmetric": "asymmetric_friction", "odd_quadratic": "quadratic_drag",
     "sliding": "sliding_friction",
 }  # fmt: skip
 _SPRING = {
     "quadratic": "quadratic_stiffness", "cubic": "cubic_stiffness", "exponential": "exponential_stiffness",
-    "upper_stop": "upper_stop", "lower_stop": "lower_stop", "leading": "maxwell_arm",
+    "upper_stop": "upper_stop", "lower_stop": "lower_stop", "stops": "end_stops", "leading": "maxwell_arm",
+    "hysteresis": "bouc_wen_hysteresis", "play": "prandtl_play",
 }  # fmt: skip
+_OUTFLOW = {"linear": "laminar_outflow", "square_root": "square_root_outflow", "weir": "overflow"}
 # Units of a law (any where there is none) and of a signal, and what shapes of one over the other are called.
 _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "m/s", _FRICTION),
@@ -69,17 +76,25 @@ _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
     }),
     ("V", "A", {
         "asymmetric": "asymmetric_resistance", "cubic": "cubic_resistance", "saturating": "saturating_resistance",
-        "lagging": "rc_pair",
+        "lagging": "rc_pair", "heating": "resistance_heating",
     }),
-    ("V", "A*s", {"quadratic": "capacitance_of_voltage", "cubic": "even_capacitance_of_voltage"}),
+    ("ohm", "A", {"asymmetric": "asymmetric_resistance", "quadratic": "current_dependent_resistance",
+                  "warming": "resistance_heating"}),
+    *((flow, "m", _OUTFLOW) for flow in ("m^3/s", "kg/s", "m/s")),
+    ("W", "K", {"quadratic": "quadratic_heat_loss", "odd_quadratic": "odd_quadratic_heat_loss",
+                "leading": "thermal_node"}),
+    ("K/s", "K", {"quadratic": "quadratic_heat_loss", "odd_quadratic": "odd_quadratic_heat_loss"}),
+    ("V", "A*s", {"quadratic": "capacitance_of_voltage", "cubic": "even_capacitance_of_voltage",
+                    "exponential": "exponential_capacitance_of_voltage"}),
     ("A", "V", {
         "quadratic": "quadratic_leakage", "cubic": "cubic_leakage", "exponential": "exponential_leakage",
+        "leading": "parallel_rc_branch",
     }),
 )  # fmt: skip
 _ANYTHING = {
-    "quadratic": "quadratic_law", "cubic": "cubic_law", "saturating": "saturating_law", "lagging": "lagging_law",
+    "quadratic": "quadratic_law", "cubic": "cubic_law", "saturating": "saturating_law",
+    "exponential": "exponential_law", "lagging": "lagging_law",
 }  # fmt: skip
-_ARMS = "lagging", "leading", "sliding"
 
 
 def laws_of(cls: type[Component]) -> list[LawOfModel]:
@@ -128,7 +143,9 @@ def families_for(cls: type[Component], scales: Mapping[str, float] | None = None
     for law in laws_of(cls):
         if law.is_output or not law.unit or (law.is_rate and rates[law.name].is_symbolic()):
             continue  # what is wrong with measuring is for the sensors, and a definition is not wrong
-        made += _of_law(cls, law, [s for s in law.reads if not (law.is_rate and s in fed)], scale)
+        signals = [s for s in law.reads if not (law.is_rate and s in fed)]
+        signals += _free(cls, law, rates)
+        made += _of_law(cls, law, signals, scale)
     forces = [law for law in laws_of(cls) if not law.is_output and any(_alike(law.unit, u) for u in ("N", "N*m"))]
     made += [force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)) for law in forces[:1]]
     return made + [make(cls, name, scale[name]) for name in fed for make in INPUT_EFFECTS]
@@ -145,15 +162,54 @@ def _of_law(
         shapes = _shapes(law.unit, unit_of[signal])
         for shape, name in shapes.items():
             about = (law.unit, nominal, scale[signal], name)
-            if law.is_rate and shape in _ARMS:
+            if law.is_rate and shape in ARMS:
                 continue  # a rate is a memory itself
-            if shape in _ARMS:
+            if shape in SHAPES and not SHAPES[shape].width and _has(cls, law.name, signal, shape):
+                continue  # it would be the same as a parameter
+            if shape in ARMS:
                 own_name = f"{law.name}_{own}{name}"
                 ends = own_name, f"{own_name}_constant", f"{own_name}_state"
-                constant = 1e-3 * scale[signal] if shape == "sliding" else scale.get("time", _TIME)
+                ways = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
+                constant = ways[shape] * scale[signal] if shape in ways else scale.get("time", _TIME)
                 yield arm(cls, law.name, signal, shape, constant, *about, ends, of)
             else:
-                yield curve(cls, law.name, signal, shape, *about, (f"{own}{name}", f"{own}{name}_width"), of)
+                suffixes = f"{own}{name}", f"{own}{name}_width"
+                yield curve(cls, law.name, signal, shape, *about, suffixes, of, law.is_rate)
+
+
+def _free(cls: type[Component], law: LawOfModel, rates: Mapping[str, Any]) -> list[str]:
+    """Velocity whose rate a law is and that nothing brakes: no law of a force or torque reads it."""
+    moving = [s for s in cls.layout.states if s.rate == law.name and any(_alike(s.unit, u) for u in ("m/s", "rad/s"))]
+    named = {symbol.name() for symbol in ca.symvar(rates[law.name])} if moving else set()
+    return [s.name for s in moving if s.name not in named]
+
+
+def _has(cls: type[Component], law: str, signal: str, shape: str) -> bool:
+    """Whether the law's own parameters give a shape already: it is a sum of the slopes by them, at points drawn."""
+    rng, one = np.random.default_rng(0), cls()
+    for v in (*cls.layout.inputs, *cls.layout.states):
+        if v.type == "real":
+            setattr(one, v.name, v.nominal * rng.normal(size=_POINTS))
+    x = getattr(one, signal)
+    wanted = SHAPES[shape].form(x, 1.0, variable(cls, signal).nominal)
+    slopes = []
+    for p in (p for p in cls.layout.parameters if p.type == "real"):
+        value, step = getattr(one, p.name), 1e-6 * p.nominal
+        ends = []
+        for moved in (value - step, value + step):
+            setattr(one, p.name, moved)
+            try:
+                ends.append(np.broadcast_to(np.asarray(getattr(one, law)(), dtype=float), x.shape))
+            except (ArithmeticError, TypeError, ValueError):  # of what cannot be computed nothing is known
+                return False
+        setattr(one, p.name, value)
+        slopes.append((ends[1] - ends[0]) / (2.0 * step))
+    known = [slope / size for slope in slopes if np.isfinite(slope).all() and (size := np.abs(slope).max()) > 0.0]
+    if not known:
+        return False
+    basis = np.column_stack(known)
+    left = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=1e-9)[0]
+    return bool(np.std(left) < _SAME * np.std(wanted))
 
 
 def _shapes(law: str, signal: str) -> dict[str, str]:

@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from orchestration.discrepancy.data.dataset import PIECE, Dataset
 from orchestration.identify.metrics import normalised_rms
+from orchestration.identify.noise import noise_std
 
 Array = NDArray[np.float64]
 HELD_OUT = 1.0 / 3.0  # of a record, its end
 _RUN_IN = 1.0 / 6.0  # of a record of its own: there what is its own is estimated, and nothing is judged
+_BLOCKS = 15  # of a record whose end is at rest, from the second on every third of which is held out
+_STILL = 0.1  # of how much a signal moves in all of a record, below which it is at rest in a part of it
 _STRETCHES, _LEAST_STRETCH = 10, 30  # of a record with other values of its own; samples in each
 
 
@@ -40,8 +43,9 @@ class ValidationData:
     def split(cls, data: Dataset, each: bool = False) -> tuple[Dataset, ValidationData]:
         """Divide a record into estimation and validation data.
 
-        Of several records the last third is held out. Of one it is its end, or where it is sampled unevenly, and no
-        stretch of it is like another, every third sample. The end of one with gaps begins anew.
+        Of several records the last third is held out. Of one it is its end; where nothing moves there, which tells
+        nothing of any effect, it is every third of blocks spread over the record; and where that is sampled unevenly,
+        and no stretch of it is like another, every third sample. The end of one with gaps begins anew.
         """
         records = list(dict.fromkeys(run.record or run.label for run in data.several))
         if len(records) > 1:
@@ -52,10 +56,13 @@ class ValidationData:
         if len(data.several) > 1:
             cut = _cut(data)
             return data.part(0, cut), cls.separate_record(data.part(cut, len(data.time)), each)
+        number = np.arange(len(data.time))
         if data.even:
             validation = cls.tail(data)
-            return data.part(0, validation.first), validation
-        out = np.arange(len(data.time)) % round(1.0 / HELD_OUT) == 1
+            if not is_at_rest(data, validation.judged):
+                return data.part(0, validation.first), validation
+            number = number * _BLOCKS // len(number)
+        out = number % round(1.0 / HELD_OUT) == 1
         fitted, judged = ({o: np.where(which, y, np.nan) for o, y in data.measured.items()} for which in (~out, out))
         return replace(data, measured=fitted), cls(replace(data, measured=judged), np.ones(len(out), dtype=bool), True)
 
@@ -114,6 +121,20 @@ class ValidationData:
         """
         at, counted = self.held_out[part], self.judged[part][self.held_out[part]]
         return {o: normalised_rms(y[part][at], simulated[o][part][at], counted) for o, y in self.data.measured.items()}
+
+
+def is_at_rest(data: Dataset, part: NDArray[np.bool_]) -> bool:
+    """Whether nothing moves in a part of a record: no input, and no output by more than its noise there.
+
+    An input that does not move in the record tells nothing of rest.
+    """
+    moving = [v for v in data.inputs.values() if np.ptp(v[data.within]) > 0.0]
+    ratios = [float(np.std(v[part]) / np.std(v[data.within])) for v in moving]
+    for y in data.measured.values():
+        there, everywhere = y[part & np.isfinite(y)], float(np.nanvar(y))
+        moves = max(float(np.var(there)) - noise_std(there, 3) ** 2, 0.0) if there.size else 0.0
+        ratios.append((moves / everywhere) ** 0.5 if everywhere > 0.0 else 0.0)
+    return max(ratios) < _STILL
 
 
 def _cut(data: Dataset) -> int:

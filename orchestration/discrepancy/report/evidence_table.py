@@ -28,7 +28,7 @@ def every_tried(diagnosis: Diagnosis) -> list[Tried]:
     steps, tried = diagnosis.selection.steps, diagnosis.selection.tried
     below = [diagnosis.selection.base, *(step.chosen for step in steps)]
     named = [step.chosen.effect_name for step in steps]
-    rows = [Tried(step.chosen, step.gain, step.p_value, "named") for step in steps]
+    rows = [Tried(step.chosen, step.gain, step.p_value, "named", _unseen(diagnosis, step.chosen)) for step in steps]
     for step, under in zip(steps, below, strict=False):
         for alternative in step.alternatives:
             gain = step.gains[alternative.effect_name]
@@ -46,6 +46,14 @@ def every_tried(diagnosis: Diagnosis) -> list[Tried]:
         why = wording.why_not([g for _, g, _ in trials[name]], " and ".join(named), unsure)
         others.append(Tried(candidate, gain, candidate.p_value(under, tried), "rejected", why))
     return rows + sorted(others, key=lambda row: (-row.gain, row.candidate.candidate.name))
+
+
+def _unseen(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:
+    """What the part held out says of a cause, and how surely."""
+    if (found := diagnosis.confirmations.get(chosen.effect_name)) is None:
+        return ""
+    said, score = wording.confirmation(diagnosis, chosen.effect_name), found.score
+    return f"{said} (log-likelihood {score.gain:+.3g} ± {score.standard_error:.2g})"
 
 
 def evidence(made: Page, result: Result) -> None:

@@ -75,9 +75,12 @@ def _summary(made: Page, result: Result) -> None:
         return
     if validation.first == 0:
         fitted, judged = (int(sections.anywhere(part).sum()) for part in (data, validation.data))
+        why = "is at rest in the end, so every third of the blocks it was divided into was held out"
+        if not data.even:
+            why = "is sampled unevenly, so every third sample was held out"
         made.parts.append(elements.aside(
-            f"{' and '.join(diagnosis.residuals)}: {result.record.source.name} is sampled unevenly, so every third "
-            f"sample was held out: fitted to {fitted}, judged on {judged}."
+            f"{' and '.join(diagnosis.residuals)}: {result.record.source.name} {why}: fitted to {fitted}, "
+            f"judged on {judged}."
         ))  # fmt: skip
         return
     last = validation.data.time[validation.first :]

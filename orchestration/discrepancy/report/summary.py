@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from inspect import isfunction
 from typing import Any
 
+from fmus.kit import Component, Effect
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.errors import run_errors
+from orchestration.discrepancy.validation.paired_score import PairedScore
 from orchestration.discrepancy.validation.side_by_side import Errors
 from orchestration.identify.metrics import number
 
@@ -69,15 +72,32 @@ def _numbers(errors: Errors) -> dict[str, dict[str, float | None]]:
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     best, causes = diagnosis.selection.best, []
     for step in diagnosis.selection.steps:
-        effect = step.chosen.effect
+        effect, found = step.chosen.effect, diagnosis.confirmations.get(step.chosen.effect_name)
         own = [name for name in best.candidate.parameters if name in effect.declared]
         causes.append({
             "effect": effect.id, "component": diagnosis.selection.base.candidate.cls.name,
             **({"output": effect.output} if effect.output else {}),
+            "law": effect.term.law or ", ".join(_overridden(effect, best.candidate.cls)),
+            "signal": effect.term.signal, "shape": effect.term.shape,
             "parameters": {name: diagnosis.estimates[name].to_dict() for name in own},
-            "evidence": {"delta_bic": step.gain, "p_value": step.p_value},
+            **({"confirmation": str(found.outcome)} if found else {}),
+            "evidence": {"delta_bic": step.gain, "p_value": step.p_value} | (_score(found.score) if found else {}),
         })  # fmt: skip
     return causes
+
+
+def _overridden(effect: type[Effect], cls: type[Component]) -> list[str]:
+    """Laws of the base model that an effect of the physics overrides, where it does not tell what it adds to which."""
+    base = vars(cls).get("stacked", (cls, ()))[0]
+    return [] if effect.output else [n for n, law in vars(effect).items() if isfunction(law) and hasattr(base, n)]
+
+
+def _score(score: PairedScore) -> dict[str, float]:
+    return {
+        "holdout_score": score.gain,
+        "holdout_score_error": score.standard_error,
+        "holdout_score_expected": score.expected,
+    }
 
 
 def _alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:

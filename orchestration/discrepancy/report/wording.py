@@ -18,14 +18,16 @@ from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest
 from orchestration.discrepancy.selection.stepwise import ACCEPT
+from orchestration.discrepancy.validation.confirmation import Outcome
 
 _VERDICTS = {
     Verdict.CONSISTENT: "The model is consistent with the record: nothing is wrong beyond noise.",
     Verdict.RECALIBRATE: "The structure of the model is fine; parameters differ from nominal: {changed}.",
     Verdict.CAUSE: "What the model gets wrong: {causes}.",
     Verdict.AMBIGUOUS: "Something is wrong that this record cannot tell apart: {causes}.",
-    Verdict.UNEXPLAINED: "{beside} is left that nothing in the catalogue accounts for: {unexplained}.",
+    Verdict.UNEXPLAINED: "Something is left that nothing in the catalogue accounts for: {unexplained}.",
 }
+_BESIDE = " Beside that, something is left that nothing in the catalogue accounts for: {left}."
 _LISTED = 5  # names of many
 _NO_DIFFERENCE = 0.05  # of BIC
 IN_HEADLINE = (
@@ -86,10 +88,13 @@ _NOTES = {
     NoteCode.NO_TRACE: "{subject} was not judged: it leaves no trace in what was measured",
     NoteCode.UNIDENTIFIABLE: "{subject} was not judged: on this record other parameters do the same",
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
-    NoteCode.NOT_VALIDATED: "fits the estimation data better, but not the part held out, and is not claimed",
+    NoteCode.NOT_VALIDATED:
+        "fits the estimation data better, but not the part held out (log-likelihood {score:+.3g} where {expected:+.3g} "
+        "is expected of it), and is not claimed",
     NoteCode.INPUT_NOISE_DOES_THE_SAME:
         "not claimed: noise on {inputs} makes as much evidence by itself (BIC falls by {gain:.3g})",
     NoteCode.CONFOUNDED: "much of what it does, others would do: {shares}",
+    NoteCode.SOMETHING_LEFT: "something is left beside what was named; how much, the residuals tell",
     NoteCode.OUTLYING_RESIDUALS:
         "{count} samples, {share}, lie far from what is fitted and from all others: no verdict rests on them",
     NoteCode.VARYING_NOISE:
@@ -136,14 +141,13 @@ def sentence(diagnosis: Diagnosis) -> str:
         return f"The model is not fitted to the end, so that nothing is claimed.{suffix}"
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
-    causes = _causes(diagnosis)
+    left = _left(diagnosis)
+    reasons = [message(note) for note in diagnosis.notes if note.code in _REASONS]
     said = _VERDICTS[diagnosis.verdict].format(
-        changed=", ".join(diagnosis.changed),
-        causes=causes,
-        beside=f"Beside {causes}, something" if causes else "Something",
-        unexplained="; ".join(_unexplained(diagnosis)),
+        changed=", ".join(diagnosis.changed), causes=_causes(diagnosis), unexplained="; ".join(left + reasons)
     )
-    return said + suffix
+    beside = any(note.code is NoteCode.SOMETHING_LEFT for note in diagnosis.notes)
+    return said + (_BESIDE.format(left="; ".join(left)) if beside else "") + suffix
 
 
 def headline(result: Result) -> str:
@@ -156,15 +160,31 @@ def headline(result: Result) -> str:
 
 
 def _causes(diagnosis: Diagnosis) -> str:
-    """Name the effects with what cannot be told apart from them, and which are much weaker than the first."""
+    """Name the effects with what cannot be told apart from them, what unseen data say, and which are much weaker."""
     steps = diagnosis.selection.steps
-    named = [" or ".join(e.effect_name for e in (step.chosen, *step.alternatives)) for step in steps]
+    named = [
+        " or ".join(e.effect_name for e in (step.chosen, *step.alternatives))
+        + (f" ({said})" if (said := confirmation(diagnosis, step.chosen.effect_name)) else "")
+        for step in steps
+    ]
     strong = [name for name, step in zip(named, steps, strict=True) if step in diagnosis.selection.strong]
     weak = [name for name in named if name not in strong]
     return "; ".join(strong) + (f"; and, much weaker, {', '.join(weak)}" if weak else "")
 
 
-def _unexplained(diagnosis: Diagnosis) -> list[str]:
+def confirmation(diagnosis: Diagnosis, effect: str) -> str:
+    """What the part held out says of a cause; empty where it was not asked."""
+    found, validation = diagnosis.confirmations.get(effect), diagnosis.validation
+    if found is None:
+        return ""
+    part = "the held-out third" if validation.continued and validation.first else "the held-out part"
+    if found.outcome is Outcome.CONFIRMED:
+        return f"confirmed on {part}"
+    idle = f"{part} is at rest" if found.at_rest else f"it does next to nothing in {part}"
+    return f"could not be confirmed here: {idle if found.idle else f'{part} tells too little of it'}"
+
+
+def _left(diagnosis: Diagnosis) -> list[str]:
     """What tells most of what is unexplained, output by output."""
     parts = []
     for output, analysis in diagnosis.residuals.items():
@@ -172,7 +192,7 @@ def _unexplained(diagnosis: Diagnosis) -> list[str]:
         shifts = len(analysis.level_shifts)
         parts += [f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}"] if shifts else []
         parts += [structure(item, output) for item in diagnosis.unexplained(output)[:1]]
-    return parts + [message(note) for note in diagnosis.notes if note.code in _REASONS]
+    return parts
 
 
 def message(note: Note) -> str:

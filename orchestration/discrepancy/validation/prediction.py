@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData
-from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.identify.least_squares import minimise
 from orchestration.identify.noise import Noise
 from orchestration.identify.problem import Problem
@@ -109,62 +107,3 @@ def judged_innovations(
         residuals.append(noise[output].whiten((y - prediction.simulated[output])[present], present))
         slopes.append(noise[output].whiten(-prediction.sensitivities[output][present] * granted, present))
     return np.concatenate(residuals), np.concatenate(slopes)
-
-
-def predictive_deviance(model: FittedCandidate, innovation: Array, jacobian: Array, weights: Array) -> float:
-    """Minus twice the logarithm of how likely a model makes the validation data.
-
-    What the fit left open in the parameters is granted: with their covariance P and the derivatives J of the
-    innovations r, the innovations have the covariance I + J P J'; what the fit did not determine at all stays where it
-    is.
-
-    Parameters
-    ----------
-    model : FittedCandidate
-    innovation, jacobian : ndarray, shape (m,) and (m, p)
-    weights : ndarray, shape (m,)
-        How much every innovation counts.
-    """
-    r, j = innovation * np.sqrt(weights), jacobian * np.sqrt(weights)[:, np.newaxis]
-    spread, known, score = model.fit.covariance.matrix, j.T @ j, j.T @ r
-    # the determinant lemma and Woodbury's formula, on as many rows as there are parameters
-    grown = np.eye(len(score)) + spread @ known
-    return float(r @ r - score @ np.linalg.solve(grown, spread @ score) + np.linalg.slogdet(grown)[1])
-
-
-def _likelier(validation: ValidationData, before: Prediction, after: Prediction) -> bool:
-    """Whether a model makes the validation data likelier than the one before, in the noise of its own fit.
-
-    A sample that is far out for both counts little in heavy tails, and as little for one as for the other.
-    """
-    noise = after.model.fit.noise
-    pairs = [(p.model, *judged_innovations(validation, p, noise)) for p in (before, after)]
-    nearest = np.minimum(*(np.abs(innovation) for _, innovation, _ in pairs))
-    counts = {o: int(np.isfinite(y[validation.first :]).sum()) for o, y in validation.data.measured.items()}
-    ends = np.cumsum(list(counts.values()))[:-1]
-    weights = np.concatenate([noise[o].weights(r) for o, r in zip(counts, np.split(nearest, ends), strict=True)])
-    deviances = [predictive_deviance(*pair, weights) for pair in pairs]
-    return deviances[1] < deviances[0]
-
-
-def validated(selection: Selection, validation: ValidationData) -> tuple[Selection, list[Prediction], list[Note]]:
-    """Keep the steps that make the validation data more likely.
-
-    Returns
-    -------
-    selection : Selection
-    predictions : list of Prediction
-        Of the base model and of every step that is kept.
-    notes : list of Note
-        What is not claimed.
-    """
-    models = [selection.base, *(step.chosen for step in selection.steps)]
-    predictions = [predict(validation, models[0])]
-    for k, richer in enumerate(models[1:]):
-        prediction = predict(validation, richer)
-        if not _likelier(validation, predictions[-1], prediction):
-            dropped = tuple(model.effect_name for model in models[k + 1 :])
-            note = Note(NoteCode.NOT_VALIDATED, ", ".join(dropped))
-            return replace(selection, steps=selection.steps[:k]), predictions, [note]
-        predictions.append(prediction)
-    return selection, predictions, []

@@ -121,3 +121,23 @@ def test_slope_at_neutral_is_that_of_the_limit():
     inputs = inputs | {"current_command": 0.5 * inputs["current_command"]}
     below = CompiledModel(CLIPPED, ["current_limit_loss"]).run(time, inputs).sensitivities["current"]
     assert not below.any(), "below the limit nothing is seen of it"
+
+
+OTHERS = stack(Galvanostat, *(EFFECTS[name] for name in ("current_offset", "current_gain")))
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), potentiostat=st.booleans())
+def test_offset_and_gain_are_nothing_at_zero(seed, potentiostat):
+    values = random_values(Galvanostat, seed) | {"potentiostat": potentiostat}
+    assert laws(OTHERS, values) == laws(Galvanostat, values)
+
+
+def test_offset_and_gain_stay_within_the_limits_and_out_of_recovery():
+    model = OTHERS(drive_offset=0.2, drive_gain_error=0.1)
+    for command in np.linspace(-3.0, 3.0, 101):
+        model.current_command = float(command)
+        wanted = {1.1 * command + 0.2, 1.1 * (command + 0.2)}  # in either order
+        assert min(abs(model.current() - np.clip(w, -1.3, 1.3)) for w in wanted) < 1e-12
+    model.recovery_samples = 5.0
+    assert model.current() == 0.0

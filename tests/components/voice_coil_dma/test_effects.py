@@ -23,12 +23,18 @@ ACTIVE = {
     "asymmetric_friction": {"asymmetric_force": 0.2, "asymmetric_velocity": 2e-3},
     "position_dependent_force_constant": {"force_constant_falloff": 1e4, "force_constant_centre": 2e-3},
     "amplifier_saturation": {"amplifier_saturation_coefficient": 5.0**-2},
+    "stribeck_friction": {"slide_friction_stribeck": 0.3, "slide_friction_stribeck_velocity": 0.05},
+    "end_stops": {"slide_friction_stop_stiffness": 50.0, "slide_friction_stop_position": 2e-3},
+    "coil_heating": {"coil_heating": 0.5, "coil_heating_time": 0.4},
 }
 CHANGED = {
     "coulomb_friction": {"der(velocity)"},
     "asymmetric_friction": {"der(velocity)"},
     "position_dependent_force_constant": {"der(velocity)", "der(coil_current)"},
     "amplifier_saturation": {"coil_voltage", "der(coil_current)"},
+    "stribeck_friction": {"der(velocity)"},
+    "end_stops": {"der(velocity)"},
+    "coil_heating": {"der(coil_current)"},
 }
 effects = pytest.mark.parametrize("name", EFFECTS)
 
@@ -67,8 +73,7 @@ def test_catalogue():
         assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
         for v in effect.declared.values():
             assert v.doc
-            assert math.isfinite(v.min)
-            assert math.isfinite(v.max)
+            assert v in effect.layout.states or (math.isfinite(v.min) and math.isfinite(v.max))
             assert v.min <= v.start <= v.max
 
 
@@ -79,7 +84,8 @@ def test_neutral_is_bit_identical(chosen):
     for seed in range(200):
         values = random_values(cls, seed) | {NEUTRAL[n]: 0.0 for n in chosen}
         expected = named(VoiceCoilDma, {n: v for n, v in values.items() if n in known})
-        assert named(cls, values) == expected
+        found = named(cls, values)
+        assert {n: found[n] for n in expected} == expected
 
 
 @effects
@@ -97,7 +103,7 @@ def test_neutral_is_bit_identical_in_the_graph(name):
             point = [np.array([values[v.name] for v in g if c is cls or v.name in known], dtype=float) for g in groups]
             found.append([functions[law](0.0, *point).full() for law in ("rates", "outputs")])
         for one, other in zip(*found, strict=True):
-            np.testing.assert_array_equal(one, other)
+            np.testing.assert_array_equal(one[: len(other)], other)
 
 
 @effects
@@ -118,7 +124,7 @@ def test_the_slope_at_neutral_is_finite_and_not_zero(name):
     column = [p.name for p in cls.layout.parameters].index(NEUTRAL[name])
     f = ca.Function("j", graph.arguments, [ca.jacobian(graph.rates, graph.parameters)[:, column]])
     values = {v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs)} | random_values(cls, 3)
-    values |= {NEUTRAL[name]: 0.0}
+    values |= ACTIVE[name] | {"position": 5e-3, NEUTRAL[name]: 0.0}
     groups = (cls.layout.parameters, cls.layout.inputs, cls.layout.states, cls.layout.discretes)
     found = f(0.0, *[np.array([values[v.name] for v in g], dtype=float) for g in groups]).full().ravel()
     step = 1e-4 * (cls.declared | EFFECTS[name].declared)[NEUTRAL[name]].nominal
@@ -146,19 +152,20 @@ def open_loop(cls, **values):
     return np.array(rows)
 
 
-def exact(friction=lambda v: B * v, constant=lambda x: K, drive=lambda u: u):
-    """The same by a stiff solver."""
-    state, rows = np.zeros(3), []
+def exact(friction=lambda v: B * v, constant=lambda x: K, drive=lambda u: u, stop=lambda x: 0.0, heat=0.0, warm=1.0):
+    """The same by a stiff solver; last the mean square of the current."""
+    state, rows = np.zeros(4), []
     for volts in COMMANDS:
         for _ in range(10):
 
             def rates(t, y, volts=volts):
-                i, x, v = y
+                i, x, v, s = y
                 k = constant(x)
-                return [(drive(volts) - R * i - k * v) / L, v, (k * i - friction(v) - 1.1 * volts) / M]
+                force = k * i - friction(v) - stop(x) - 1.1 * volts
+                return [(drive(volts) - (R + heat * s) * i - k * v) / L, v, force / M, (i * i - s) / warm]
 
             state = solve_ivp(rates, (0, 1 / 30), state, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
-            rows.append(state)
+            rows.append(state[:3])
     return np.array(rows)
 
 
@@ -169,6 +176,9 @@ LAWS = {
     },
     "position_dependent_force_constant": {"constant": lambda x: K / (1 + 1e4 * (x - 2e-3) ** 2)},
     "amplifier_saturation": {"drive": lambda u: 5 * math.tanh(u / 5)},
+    "stribeck_friction": {"friction": lambda v: B * v + 0.3 * math.tanh(v / 5e-3) * math.exp(-((v / 0.05) ** 2))},
+    "end_stops": {"stop": lambda x: 50.0 * math.copysign(max(abs(x) - 2e-3, 0.0), x)},
+    "coil_heating": {"heat": 0.5, "warm": 0.4},
 }  # fmt: skip
 
 

@@ -71,26 +71,26 @@ def remembered(
     return Change(place, more, rates, (rest,) * count, min(times) / 3.0)
 
 
-def in_a_row(place: str, amount: float, time: float, count: int, rest: float = 0.0) -> Change:
+def in_a_row(place: str, amount: float, time: float, count: int) -> Change:
     """Several equal lags one behind the other instead of the signal; the time is that of all."""
 
     def rates(x: float, s: Memory) -> list[float]:
         return [(before - one) * count / time for before, one in zip([x, *s[:-1]], s, strict=True)]
 
-    return Change(place, lambda x, s: amount * (s[-1] - x), rates, (rest,) * count, time / count / 3.0)
+    return Change(place, lambda x, s: amount * (s[-1] - x), rates, (0.0,) * count, time / count / 3.0)
 
 
-def ladder(place: str, amount: float, time: float, count: int = 3, rest: float = 0.0) -> Change:
+def ladder(place: str, amount: float, time: float, count: int = 3) -> Change:
     """A ladder of equal resistances and capacities, as diffusion is in pieces: what its first node has per `amount`.
 
     The signal flows into the first node, and the last one has no resistance less to its end.
     """
 
     def rates(x: float, s: Memory) -> list[float]:
-        flows = [x, *(count * (a - b) for a, b in zip(s, [*s[1:], rest], strict=True))]
+        flows = [x, *(count * (a - b) for a, b in zip(s, [*s[1:], 0.0], strict=True))]
         return [count * (a - b) / time for a, b in pairwise(flows)]
 
-    return Change(place, lambda x, s: amount * s[0], rates, (rest,) * count, time / count**2 / 4.0)
+    return Change(place, lambda x, s: amount * s[0], rates, (0.0,) * count, time / count**2 / 4.0)
 
 
 def play(place: str, gap: Callable[[float], float], time: float) -> Change:

@@ -35,6 +35,10 @@ class Altered(Plant):
     def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
         """What a change is a function of, by place, outputs apart."""
 
+    def settled(self, p: Values) -> list[float]:
+        """Outputs before anything happened, from which a sensor starts: what it reads is counted from there."""
+        return [0.0] * len(self.outputs)
+
     def more(self, place: str, signal: float, x: list[float]) -> float:
         """What the change adds at a place."""
         return self.change.more(signal, x[self.order :]) if place == self.change.place else 0.0
@@ -60,14 +64,16 @@ class Altered(Plant):
         if not self.change.rest:
             return own
         if self.change.place in self.outputs:
-            signal = self.readings(x, u, p)[list(self.outputs).index(self.change.place)]
+            place = list(self.outputs).index(self.change.place)
+            signal = self.readings(x, u, p)[place] - self.settled(p)[place]
         else:
             signal = self.signals(x, u)[self.change.place]
         return own + self.change.rates(signal, x[self.order :])
 
     def shown(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """What sensors make of the outputs."""
-        return [y + self.more(o, y, x) for o, y in zip(self.outputs, self.readings(x, u, p), strict=True)]
+        read = zip(self.outputs, self.readings(x, u, p), self.settled(p), strict=True)
+        return [y + self.more(o, y - settled, x) for o, y, settled in read]
 
     def recorded(self, y: Array, step: float) -> Array:
         """Late, where the logger is."""
@@ -134,6 +140,10 @@ class AlteredThermalNodes(Altered, ThermalNodes):
         stored = self.more("inner", inner, x), self.more("outer", outer, x)
         return [(power - conduction - stored[0]) / p["C1"], (conduction - loss - stored[1]) / p["C2"]]
 
+    def settled(self, p: Values) -> list[float]:
+        """The surroundings."""
+        return [293.0, 293.0]
+
     def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Both temperatures."""
         return [x[0], x[1]]
@@ -149,6 +159,10 @@ class AlteredCell(Altered, Cell):
     def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Current through the resistance of the pair."""
         return [(u[0] - x[0]) / p["tau1"]]
+
+    def settled(self, p: Values) -> list[float]:
+        """Open circuit."""
+        return [p["ocv"]]
 
     def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Voltage at the terminals."""

@@ -120,13 +120,13 @@ def _play(place: str, low: float, high: float, time: float) -> dict[str, Maker]:
     return {"rounded": rounded, "uneven": uneven}
 
 
-def _lag(place: str, low: float, high: float, rest: float = 0.0) -> dict[str, Maker]:
+def _lag(place: str, low: float, high: float) -> dict[str, Maker]:
     def spread(d: Dice) -> Change:
         time = d.size(low, high)
-        return remembered(place, 1.0, (0.4 * time, 1.6 * time), rest, own=True)
+        return remembered(place, 1.0, (0.4 * time, 1.6 * time), own=True)
 
     return {
-        "two in a row": lambda d: in_a_row(place, 1.0, d.size(low, high), 2, rest),
+        "two in a row": lambda d: in_a_row(place, 1.0, d.size(low, high), 2),
         "spread": spread,
     }
 
@@ -270,7 +270,7 @@ def _thermal_nodes() -> Iterator[Variation]:
     yield from _named("ThermalNodes", "saturation", "input_saturation(power)", _levelling("power", 11.0, 16.0))
     for output, low, high in (("inner_temperature", 8.0, 25.0), ("outer_temperature", 20.0, 80.0)):
         for family, effect, shapes in (
-            ("sensor lag", "sensor_lag", _lag(output, low, high, 293.0)),
+            ("sensor lag", "sensor_lag", _lag(output, low, high)),
             ("sensor offset", "sensor_offset", _shifted(output, 2.0)),
         ):
             named = {f"{shape} of {output}": make for shape, make in shapes.items()}
@@ -301,7 +301,7 @@ def _cell() -> Iterator[Variation]:
         "exponent": lambda d: static("drop", curves.power(d.size(0.02, 0.05), 2.0, d.plain(0.4, 0.6))),
     })  # fmt: skip
     yield from _named("Cell", "uneven resistance", "drop over current", _uneven("drop", 0.015, 0.04, 2.0))
-    yield from _named("Cell", "sensor lag", "sensor_lag(voltage)", _lag("voltage", 1.5, 5.0, 3.3))
+    yield from _named("Cell", "sensor lag", "sensor_lag(voltage)", _lag("voltage", 1.5, 5.0))
     yield from _named("Cell", "sensor delay", "transport_delay(voltage)", _late("voltage", 1.0, 1.2))
     yield from _named("Cell", "sensor drift", "sensor_drift(voltage)", _drift("voltage", 0.015))
     yield from _named("Cell", OUTSIDE, "", _outside("drop", 0.015, 15.0, 0.015))

@@ -65,8 +65,8 @@ def complete(words, cwd):
         ("ppy diagnose x.csv --effects diff", ["diffusion"]),
         ("ppy run fig_4", ["fig_4_5"]),
         ("ppy system show dma", ["dma_bench"]),
-        ("ppy simulate galvanostat --with cur", ["current_saturation"]),
-        ("ppy compare x.csv --model galvanostat --with cur", ["current_saturation"]),
+        ("ppy simulate galvanostat --with cur", ["current_saturation", "current_offset", "current_gain"]),
+        ("ppy compare x.csv --model galvanostat --with cur", ["current_saturation", "current_offset", "current_gain"]),
         ("ppy simulate gone.fmu --with s", []),
     ],
 )

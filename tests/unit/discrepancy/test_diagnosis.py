@@ -95,6 +95,10 @@ def test_what_is_left_where_the_cause_does_not_act_is_told():
     wander = 2e-3 * np.cumsum(coloured(0.0, 5, data.time.size))
     wandering = data.measured | {"voltage": data.measured["voltage"] + wander}
     diagnosis = diagnose(PpyActuator, replace(data, measured=wandering), FEW)
-    assert diagnosis.verdict is Verdict.UNEXPLAINED
+    assert diagnosis.verdict is Verdict.CAUSE
+    assert not diagnosis.explained
+    assert NoteCode.SOMETHING_LEFT in {note.code for note in diagnosis.notes}
     assert diagnosis.causes[:1] == ["strain_saturation"]
-    assert wording.sentence(diagnosis).startswith("Beside strain_saturation, something is left")
+    said = wording.sentence(diagnosis)
+    assert said.startswith("What the model gets wrong: strain_saturation (confirmed on the held-out third)")
+    assert "Beside that, something is left that nothing in the catalogue accounts for: voltage wanders slowly" in said

@@ -29,7 +29,8 @@ from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import scoring
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.validation.prediction import predict, validated
+from orchestration.discrepancy.validation.confirmation import confirmed
+from orchestration.discrepancy.validation.prediction import predict
 from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.fmu.model import find_model
 from tests.support.battery import analysed
@@ -149,6 +150,14 @@ def quantised(monkeypatch):
 def left(clean: Clean) -> list[Note]:
     """Notes on what a perfect model leaves."""
     return list(remarks({"y": analysed(clean)}))
+
+
+@makes(NoteCode.SOMETHING_LEFT)
+def something_left(monkeypatch):
+    """A voltage that wanders, beside a strain that saturates."""
+    data = short_record("strain_saturation")
+    wander = 2e-3 * np.cumsum(coloured(0.0, 5, data.time.size))
+    return diagnose(PpyActuator, with_output(data, "voltage", data.measured["voltage"] + wander), [SATURATION]).notes
 
 
 @makes(NoteCode.OUTLYING_RESIDUALS)
@@ -284,7 +293,7 @@ def not_validated(monkeypatch):
     validation = diagnosis.validation
     exact = predict(validation, diagnosis.selection.base).simulated
     judged_by = ValidationData(replace(validation.data, measured=exact), validation.judged, validation.continued)
-    return validated(diagnosis.selection, judged_by)[2]
+    return confirmed(diagnosis.selection, judged_by).notes
 
 
 @makes(NoteCode.CONFOUNDED)

@@ -12,18 +12,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
+from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack, table
 from fmus.kit.arms import arm
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.component import effect_name
 from fmus.kit.curves import SHAPES, curve
-from fmus.kit.inputs import backlash, dead_zone, input_lag, input_offset, input_saturation
+from fmus.kit.inputs import asymmetric_dead_zone, backlash, dead_zone, input_lag, input_offset, input_saturation
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.families import families_for, laws_of
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import load_class
 from orchestration.fmu.simulate import simulate_instance
+from tests.support.kit_samples import Sledge
 
 MASS = load_class(str(Path(__file__).parents[4] / "examples" / "mass_spring_damper.py") + ":MassSpringDamper")
 M, D, K = 0.5, 2.0, 20.0
@@ -87,7 +88,9 @@ def test_what_fits_a_model_s_laws_is_listed():
         assert name in names
     assert not any("elongation_rate" in name or "position" in name for name in names), "definitions and outputs"
     tank = [effect_name(effect) for effect in families_for(Tank)]
-    assert "quadratic_law(outflow)" in tank
+    assert {"square_root_outflow(outflow)", "overflow(outflow)"} <= set(tank)
+    assert "laminar_outflow(outflow)" not in tank, "the outlet's own parameter is that"
+    assert "viscous_drag(damper_force)" not in names
     assert not any("odd" in name for name in tank)
 
 
@@ -133,6 +136,25 @@ def dahl(x, u):
     return [x[1], (u - D * x[1] - K * x[0] - A * x[2]) / M, (x[1] - abs(x[1]) * x[2]) / W]
 
 
+def heated(x, u):
+    return [x[1], (u - D * x[1] - K * x[0] - A * x[1] * x[2]) / M, (x[1] ** 2 - x[2]) / T]
+
+
+def warmed(x, u):
+    return [x[1], (u - D * x[1] - K * x[0] - A * x[2]) / M, (x[0] ** 2 - x[2]) / T]
+
+
+def bouc_wen(x, u):
+    """As Wen has it: A dx - beta |dx| |z| z - gamma dx z^2, with A = 1 and beta = gamma = 1/2, over w."""
+    z, v = x[2], x[1]
+    return [v, (u - D * v - K * x[0] - A * z) / M, (v - 0.5 * abs(v) * abs(z) * z - 0.5 * v * z * z) / W]
+
+
+def prandtl(x, u):
+    stretched = np.clip(x[0] - x[2], -W, W)
+    return [x[1], (u - D * x[1] - K * x[0] - A * stretched) / M, (x[0] - stretched - x[2]) / 0.01]
+
+
 SPRING, DAMPER = ("spring_force", "elongation"), ("damper_force", "velocity")
 BY_HAND = {
     "linear": lambda x: x,
@@ -144,6 +166,9 @@ BY_HAND = {
     "sign": lambda x: np.tanh(x / W),
     "exponential": lambda x: np.expm1(x / W),
     "square_root": lambda x: np.sign(x) * np.sqrt(abs(x)),
+    "stribeck": lambda x: np.tanh(10 * x / W) * np.exp(-((x / W) ** 2)),
+    "stops": lambda x: max(abs(x) - W, 0.0) * np.sign(x),
+    "weir": lambda x: max(x - W, 0.0) ** 1.5,
     "upper_stop": lambda x: max(x - W, 0.0),
     "lower_stop": lambda x: min(x + W, 0.0),
 }
@@ -155,6 +180,26 @@ OTHERS = {
     "dahl": (
         arm(MASS, *DAMPER, "sliding", 0.1, "N"),
         {"damper_force_sliding": A, "damper_force_sliding_constant": W}, dahl, 3,
+    ),
+    "heat times speed": (
+        arm(MASS, *DAMPER, "heating", 1.0, "N"),
+        {"damper_force_heating": A, "damper_force_heating_constant": T}, heated, 3,
+    ),
+    "heat alone": (
+        arm(MASS, *SPRING, "warming", 1.0, "N"),
+        {"spring_force_warming": A, "spring_force_warming_constant": T}, warmed, 3,
+    ),
+    "Bouc and Wen": (
+        arm(MASS, *SPRING, "hysteresis", 0.1, "N"),
+        {"spring_force_hysteresis": A, "spring_force_hysteresis_constant": W}, bouc_wen, 3,
+    ),
+    "Prandtl": (
+        arm(MASS, *SPRING, "play", 0.1, "N"),
+        {"spring_force_play": A, "spring_force_play_constant": W}, prandtl, 3,
+    ),
+    "dead zone with two ends": (
+        asymmetric_dead_zone(MASS, "force"), {"force_dead_zone_end": 1.5, "force_dead_zone_ratio": 0.4},
+        fed(lambda u: u - np.clip(u, -0.6, 1.5)), 2,
     ),
     "dead zone": (dead_zone(MASS, "force"), {"force_dead_zone": 1.5}, fed(lambda u: u - np.clip(u, -1.5, 1.5)), 2),
     "offset": (input_offset(MASS, "force"), {"force_input_offset": A}, fed(lambda u: u + A), 2),
@@ -190,9 +235,11 @@ def follows(effect, values, rates, states=2):
 @pytest.mark.parametrize("law", [SPRING, DAMPER])
 def test_a_curve_in_a_law_is_what_its_formula_says(law, shape):
     effect = curve(MASS, *law, shape, "N")
-    amount = A if law is SPRING else LITTLE * A
+    amount = A if law is SPRING or shape in ("stribeck", "weir") else LITTLE * A
     values = {f"{law[0]}_{shape}": amount} | ({f"{law[0]}_{shape}_width": W} if SHAPES[shape].width else {})
-    follows(effect, values, static(lambda x: amount * BY_HAND[shape](x), 0 if law is SPRING else 1))
+    nominal = next(s.nominal for s in MASS.layout.states if s.name == law[1])
+    size = amount * {"square_root": nominal**0.5, "weir": nominal**-0.5}.get(shape, 1.0)  # for whole powers of units
+    follows(effect, values, static(lambda x: size * BY_HAND[shape](x), 0 if law is SPRING else 1))
 
 
 @pytest.mark.parametrize("name", sorted(OTHERS))
@@ -214,10 +261,11 @@ def test_effects_on_one_input_follow_one_another():
 
 @pytest.mark.parametrize("runtime", RUNTIMES)
 def test_fmus_of_both_builds_have_them(tmp_path, runtime):
-    effects = [effect for effect, *_ in OTHERS.values()] + [curve(MASS, *DAMPER, "odd_quadratic", "N")]
+    effects = [effect for effect, *_ in OTHERS.values()]
+    effects += [curve(MASS, *DAMPER, s, "N") for s in ("odd_quadratic", "stribeck", "stops", "weir")]
     cls = stack(MASS, *effects)
     values = BASE | {name: value for _, own, *_ in OTHERS.values() for name, value in own.items()}
-    values["damper_force_odd_quadratic"] = 0.5
+    values |= {f"damper_force_{s}": 0.5 for s in ("odd_quadratic", "stribeck", "stops", "weir")}
     expected = CompiledModel(cls).run(TIME[:200], {"force": FORCE[:200]}, values).signals["position"]
     path = tmp_path / f"{runtime}.fmu"
     path.write_bytes(build(cls, runtime, [host_platform()]))
@@ -227,11 +275,45 @@ def test_fmus_of_both_builds_have_them(tmp_path, runtime):
     assert np.abs(found["position"] - expected).max() < 1e-6
 
 
+def test_what_nothing_brakes_may_have_drag():
+    found = {effect_name(effect): effect for effect in families_for(Sledge)}
+    drag = found["viscous_drag(acceleration)"]
+    model = stack(Sledge, drag)(**{drag.neutral: -0.3})
+    model.velocity, model.command = 2.0, 0.5
+    assert model.rates() == [pytest.approx(0.5 / 2.0 - 0.3 * 2.0)]
+
+
+AT = np.array([-3.0, -1.0, -0.4, 0.5, 0.9, 2.0, 7.0])
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+def test_a_table_is_numpys_in_both_builds(tmp_path, runtime):
+    path, time = tmp_path / f"{runtime}.fmu", np.arange(7.0)
+    path.write_bytes(build(Sledge, runtime, [host_platform()]))
+    values = {"low": -2.0, "middle": 1.0, "high": 1.5}
+    with Fmu(path, values) as instance:
+        instance.start(0.0, 6.0)
+        found = simulate_instance(instance, time, {"command": AT})
+    assert found["force"] == pytest.approx(np.interp(AT, [-1.0, 0.5, 2.0], [-2.0, 1.0, 1.5]), rel=1e-14)
+
+
+def test_a_table_has_exact_slopes():
+    """By its values they are the hat functions."""
+    found = CompiledModel(Sledge, ["low", "middle", "high"]).run(np.arange(7.0), {"command": AT}, {})
+    hats = [np.interp(AT, [-1.0, 0.5, 2.0], one) for one in np.eye(3)]
+    assert found.sensitivities["force"] == pytest.approx(np.column_stack(hats), abs=1e-14)
+    assert table(AT, (0.0, 1.0), (2.0, 3.0)) == pytest.approx(np.interp(AT, [0.0, 1.0], [2.0, 3.0]), rel=1e-15)
+    with pytest.raises(ValueError, match="a table of 2 abscissae and 1 values"):
+        table(0.0, (1.0, 2.0), (1.0,))
+
+
 def test_what_there_is_not_is_refused_in_a_line():
     with pytest.raises(UserError, match=r"no shape named 'cubik' \(did you mean cubic"):
         curve(MASS, *SPRING, "cubik")
     with pytest.raises(UserError, match="no arm named 'laging'"):
         arm(MASS, *SPRING, "laging", 1.0)
+    with pytest.raises(UserError, match="hysteresis is over a state, which 'force' is not"):
+        arm(MASS, "spring_force", "force", "hysteresis", 1.0)
     with pytest.raises(UserError, match="no law named 'spring'"):
         curve(MASS, "spring", "elongation", "cubic")
     with pytest.raises(UserError, match="mass_spring_damper: no input or state named 'stretch'"):
