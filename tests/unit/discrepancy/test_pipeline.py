@@ -97,7 +97,7 @@ def test_another_record_is_what_is_judged_by(actuator):
     ("wanted", "considered"),
     [
         (["sensor_lag"], ["sensor_lag(voltage)", "sensor_lag(displacement)"]),
-        (["sensor_lag(voltage)", "slack"], ["slack", "sensor_lag(voltage)"]),
+        (["sensor_lag(voltage)", "slack"], ["slack", "slack(smooth)", "sensor_lag(voltage)"]),
         ([], []),
     ],
 )
