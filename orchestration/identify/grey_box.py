@@ -21,8 +21,9 @@ from fmus.kit.units import Described, allowed, shown
 from orchestration.identify import prediction_error, presentation
 from orchestration.identify.covariance import sandwich
 from orchestration.identify.estimate import Estimate
+from orchestration.identify.method import Method
 from orchestration.identify.noise import Noise, autoregression
-from orchestration.identify.prediction_error import FitResult, Method
+from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 from orchestration.reporting.plain import plain_text, preformatted
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from orchestration.identify import tails
 from orchestration.identify.covariance import Covariance, covariance, excess_variance, heteroscedastic, sandwich
 from orchestration.identify.least_squares import Minimum, minimise, residual_or_none
+from orchestration.identify.method import BRIEF, FULLY, Method
 from orchestration.identify.noise import Noise, white
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
@@ -27,39 +28,6 @@ PRIOR_STD = 1.0
 _BISECTIONS = 6
 _CURVED = 0.1  # of the curvature that is expected, below which the one observed is chance
 TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
-# Trial points of a fit without colour that is begun once more: the coloured one goes on from where it has come to.
-_BRIEF = 12
-
-
-@dataclass(frozen=True)
-class Method:
-    """How a fit is made; as it stands, quickly, and to far below what any evidence turns on.
-
-    Attributes
-    ----------
-    tolerance : float
-        Fall of the sum of squared innovations that ends a search.
-    passes : int
-        Of fitting with a noise model and estimating the noise model from the residual, at most.
-    settled : float
-        Fall of BIC from one pass to the next that ends them.
-    trials : int
-        Points that a pass may try.
-    again : int
-        How often a fit is begun again without the colour of the noise, at most.
-    """
-
-    tolerance: float = 0.05
-    passes: int = 3
-    settled: float = 0.5
-    trials: int = 200
-    # one or two do where the model can follow the record, and where it cannot, as with a wrong unit, each gains a
-    # little and dozens would follow
-    again: int = 4
-
-
-FULLY = Method()
-GLANCE = Method(passes=1, trials=_BRIEF, again=0)  # how far a fit goes that only tells whether to make it
 
 
 @dataclass(frozen=True)
@@ -195,7 +163,7 @@ def fit(
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
             break
         # a colour that has swallowed what the model could follow keeps it from following: once more without
-        again = one_pass(best.q, white(best.residual), _BRIEF)
+        again = one_pass(best.q, white(best.residual), BRIEF)
         # from where the pass without colour ended before, all would go as before
         same = without is not None and abs(without.bic - again.bic) < method.settled
         other, without = again if same else iterate(again), again

@@ -13,7 +13,7 @@ from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.residuals.analysis import analyse_residuals
 from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.identify.prediction_error import FULLY, GLANCE, Method
+from orchestration.identify.method import FULLY, GLANCE, Method
 
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 

@@ -15,8 +15,9 @@ from orchestration.discrepancy.candidates.candidate import Candidate, own_parame
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScreenedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import Note
+from orchestration.identify.method import FULLY, Method
 from orchestration.identify.noise import Noise
-from orchestration.identify.prediction_error import FULLY, PRIOR_STD, FitResult, Method, fit, fit_free_run, trusted
+from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import error_scales, pooled_error, starting_points
 from orchestration.records.joined import base_name, names_in
