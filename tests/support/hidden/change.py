@@ -71,6 +71,13 @@ def remembered(
     return Change(place, more, rates, (rest,) * count, min(times) / 3.0)
 
 
+def squared(place: str, amount: float, times: Sequence[float]) -> Change:
+    """What the square of a signal leaves behind, such as heat: mean of several lags of first order."""
+    count = len(times)
+    rates = lambda x, s: [(x * x - one) / time for one, time in zip(s, times, strict=True)]  # noqa: E731
+    return Change(place, lambda x, s: amount * sum(s) / count, rates, (0.0,) * count, min(times) / 3.0)
+
+
 def in_a_row(place: str, amount: float, time: float, count: int) -> Change:
     """Several equal lags one behind the other instead of the signal; the time is that of all."""
 

@@ -26,7 +26,7 @@ def dry_root(force: float, width: float) -> Curve:
 
 def stribeck(force: float, width: float) -> Curve:
     """More when it breaks away, after Stribeck; the sign by a ratio."""
-    return lambda v: force * (1.0 + 0.4 * exp(-((v / (10.0 * width)) ** 2))) * v / (abs(v) + width)
+    return lambda v: force * (1.0 + 0.4 * exp(-abs(v) / (10.0 * width))) * v / (abs(v) + width)
 
 
 def power(force: float, at: float, exponent: float) -> Curve:
@@ -80,8 +80,8 @@ def zone_soft(width: float) -> Curve:
 
 
 def zone_uneven(width: float) -> Curve:
-    """The same, wider on one side."""
-    return lambda u: max(u - 1.4 * width, 0.0) + min(u + 0.6 * width, 0.0) - u
+    """The same with soft edges, wider on one side."""
+    return lambda u: softplus(u - 1.4 * width, 0.2 * width) - softplus(-u - 0.6 * width, 0.2 * width) - u
 
 
 def level_algebraic(level: float, strength: float, sharpness: float) -> Curve:

@@ -192,18 +192,19 @@ class AlteredVoiceCoil(Altered, VoiceCoil):
     finest = 2e-4
 
     def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
-        """Of friction the velocity, of the force constant the position."""
-        return {"force_reference": u[0], "friction": x[2], "force_constant": x[1]}
+        """Of friction the velocity, of a stop and of the force constant the position, of the resistance the current."""
+        return {"force_reference": u[0], "friction": x[2], "stop": x[1], "force_constant": x[1], "resistance": x[0]}
 
     def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Circuit, definition, momentum, filter."""
         current, position, velocity, filtered = x[:4]
         voltage = u[0] + self.more("force_reference", u[0], x)
         constant = p["K"] * (1.0 + self.more("force_constant", position, x))
-        friction = p["b_vc"] * velocity + self.more("friction", velocity, x)
+        friction = p["b_vc"] * velocity + self.more("friction", velocity, x) + self.more("stop", position, x)
+        resistance = p["R"] + self.more("resistance", current, x)
         tension = _SPRING * position + _DAMPER * velocity
         return [
-            (voltage - p["R"] * current - constant * velocity) / p["L"],
+            (voltage - resistance * current - constant * velocity) / p["L"],
             velocity,
             (constant * current - friction - tension) / p["m"],
             2.0 * pi * p["position_cutoff"] * (position - filtered),

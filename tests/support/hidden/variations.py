@@ -14,7 +14,7 @@ from math import exp, pi, sin, sqrt
 import numpy as np
 
 from tests.support.hidden import curves
-from tests.support.hidden.change import Change, in_a_row, ladder, late, of_time, play, remembered, static
+from tests.support.hidden.change import Change, in_a_row, ladder, late, of_time, play, remembered, squared, static
 
 OUTSIDE = "outside"  # every family: nothing in the catalogue is right
 STRENGTHS = 1.0, 0.3
@@ -186,7 +186,9 @@ def _motor() -> Iterator[Variation]:
     yield from _named("Motor", "dry friction", friction, _dry("friction", 0.02, 0.06, 1.5, 0.004))
     yield from _named("Motor", "drag", "friction over omega", _drag("friction", 0.02, 0.06, 150.0))
     yield from _named("Motor", "uneven damping", "friction over omega", _uneven("friction", 0.02, 0.05, 150.0))
-    yield from _named("Motor", "dead zone", f"dead_zone(voltage); {fed}", _zone("voltage", 0.8, 2.5))
+    yield from _named(
+        "Motor", "dead zone", f"dead_zone(voltage); asymmetric_dead_zone(voltage); {fed}", _zone("voltage", 0.8, 2.5)
+    )
     yield from _named("Motor", "saturation", f"input_saturation(voltage); {fed}", _levelling("voltage", 9.0, 14.0))
     yield from _named("Motor", "backlash", "backlash(voltage)", _play("voltage", 0.8, 2.5, 0.005))
     yield from _named("Motor", "input lag", "input_lag(voltage)", _lag("voltage", 0.1, 0.4))
@@ -229,7 +231,9 @@ def _pendulum() -> Iterator[Variation]:
     yield from _named("Pendulum", "relaxing spring", "gravity remembering angle", {
         "two arms": lambda d: arms((0.4, 1.6), d), "spectrum": lambda d: arms((0.2, 0.7, 2.5), d),
     })  # fmt: skip
-    yield from _named("Pendulum", "dead zone", "dead_zone(torque)", _zone("torque", 0.12, 0.35))
+    yield from _named(
+        "Pendulum", "dead zone", "dead_zone(torque); asymmetric_dead_zone(torque)", _zone("torque", 0.12, 0.35)
+    )
     yield from _named("Pendulum", "saturation", "input_saturation(torque)", _levelling("torque", 1.0, 1.6))
     yield from _named("Pendulum", "backlash", "backlash(torque)", _play("torque", 0.12, 0.35, 0.01))
     yield from _named("Pendulum", "input lag", "input_lag(torque)", _lag("torque", 0.1, 0.4))
@@ -319,7 +323,7 @@ def _galvanostat() -> Iterator[Variation]:
         _levelling(command, 1.0, 1.7))  # fmt: skip
     yield from _named("Galvanostat", "backlash", f"backlash({command})", _play(command, 0.1, 0.35, 0.01))
     yield from _named("Galvanostat", "input lag", lag, _lag(command, 0.1, 0.4))
-    yield from _named("Galvanostat", "offset", f"input_offset({command})", _shifted(command, 0.15))
+    yield from _named("Galvanostat", "offset", f"input_offset({command}); current_offset", _shifted(command, 0.15))
     yield from _named("Galvanostat", "sensor gain", "sensor_gain(current)", {"constant": gain})
     yield from _named("Galvanostat", "sensor offset", "sensor_offset(current)", _shifted("current", 0.1))
     yield from _named("Galvanostat", "sensor drift", "sensor_drift(current)", _drift("current", 0.1))
@@ -342,12 +346,28 @@ def _voice_coil() -> Iterator[Variation]:
         share = d.size(0.1, 0.3)
         return static("force_constant", lambda x: -share * x / 0.01 / (1.0 + abs(x) / 0.02))
 
+    def stop(hertz: bool, d: Dice) -> Change:
+        kind = curves.stop_hertz if hertz else curves.stop_rounded
+        return static("stop", kind(d.size(300.0, 1000.0), d.plain(0.009, 0.013), 5e-4))
+
+    def warming(share: float, d: Dice) -> Change:
+        amount, time = d.size(0.2, 0.6), d.plain(0.8, 2.5)
+        return squared("resistance", amount, (time * share, time / share))
+
+    yield from _named("VoiceCoil", "stop", "slide_friction over position", {
+        "rounded": lambda d: stop(False, d), "Hertz": lambda d: stop(True, d),
+    })  # fmt: skip
+    yield from _named("VoiceCoil", "heating", "coil_resistance remembering coil_current", {
+        "two masses": lambda d: warming(0.5, d), "coil and frame": lambda d: warming(0.2, d),
+    })  # fmt: skip
     yield from _named("VoiceCoil", "dry friction", friction, _dry("friction", 0.2, 0.6, 2e-3, 2e-4))
     yield from _named("VoiceCoil", "drag", friction, _drag("friction", 0.2, 0.6, 0.1))
     yield from _named("VoiceCoil", "force constant", constant, {"bell": falling, "tilted": tilting})
     yield from _named("VoiceCoil", "saturation", f"amplifier_saturation; input_saturation({fed})",
         _levelling(fed, 3.5, 6.0))  # fmt: skip
-    yield from _named("VoiceCoil", "offset", f"input_offset({fed}); dead_zone({fed})", _shifted(fed, 0.3))
+    yield from _named(
+        "VoiceCoil", "offset", f"input_offset({fed}); dead_zone({fed}); asymmetric_dead_zone({fed})", _shifted(fed, 0.3)
+    )
     yield from _named("VoiceCoil", "sensor delay", "transport_delay(position_measured)",
         _late("position_measured", 0.008, 0.03))  # fmt: skip
     yield from _named("VoiceCoil", "sensor drift", "sensor_drift(position_measured)",
