@@ -22,7 +22,7 @@ from orchestration.discrepancy.residuals.innovations import power
 from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import clock, intersample
 from orchestration.discrepancy.selection.intersample import Intersample
-from orchestration.discrepancy.selection.revision import revised
+from orchestration.discrepancy.selection.revision import explaining, revised
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
 from orchestration.discrepancy.validation import errors_in_variables
@@ -204,7 +204,9 @@ def diagnose(
         search, base, by_clock = clock.by_fit(search, base)
         search, base, chosen = intersample.by_fit(search, base, chosen)
     estimation, validation, usable = _as_taken(parts, by_clock, intersample.linear(chosen))
-    selection = Selection(base) if inconclusive else revised(search, select(search, effects, base), effects)
+    selection = Selection(base)
+    if not inconclusive:
+        selection = explaining(search, revised(search, select(search, effects, base), effects))
     noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     judged = confirmed(_trusted(search, selection), validation)

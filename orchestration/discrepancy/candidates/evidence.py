@@ -58,6 +58,18 @@ class FittedCandidate:
         ratio = base.fit.deviance - self.fit.deviance
         return self.delta_bic(base, tried) - ratio * (1.0 - 1.0 / excess)
 
+    def is_nearer_than(self, base: FittedCandidate) -> bool:
+        """Whether its free run is nearer to the record, in the mean over the outputs; else it is mere noise that fits.
+
+        Samples count as they do in its fit.
+        """
+        ratios = [
+            float(np.sum(w * self.fit.residual[o] ** 2)) / float(np.sum(w * base.fit.residual[o] ** 2))
+            for o, w in self.fit.weights.items()
+            if base.fit.residual[o].any()
+        ]
+        return float(np.log(ratios).sum()) < 0.0
+
     def p_value(self, base: FittedCandidate, tried: int) -> float:
         """Probability of such a likelihood ratio without the effect, times the number of candidates."""
         ratio = base.fit.deviance - self.fit.deviance

@@ -101,6 +101,11 @@ def analyse_residuals(model: FittedCandidate, data: Dataset) -> dict[str, Residu
     return {output: _analyse(model, output, data, signals) for output in model.fit.residual}
 
 
+def has_structure(model: FittedCandidate, data: Dataset) -> bool:
+    """Whether a model leaves in some output what noise does not; parameters are those of :func:`analyse_residuals`."""
+    return any(analysis.structure for analysis in analyse_residuals(model, data).values())
+
+
 def _analyse(model: FittedCandidate, output: str, data: Dataset, signals: list[Regressor]) -> ResidualAnalysis:
     residual, noise, even = model.fit.residual[output], model.fit.noise[output], model.problem.even
     return analyse(output, residual, noise, data, signals, even)

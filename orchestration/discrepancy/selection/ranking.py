@@ -10,11 +10,13 @@ from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel, ScreenedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import Counter, side_by_side
-from orchestration.discrepancy.residuals.analysis import analyse_residuals
+from orchestration.discrepancy.residuals.analysis import has_structure
 from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.method import FULLY, GLANCE, Method
 
+AT_ONCE = 2
+DOMINATED = 0.2  # of what another has gained already
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 Ranked = list[tuple[FittedCandidate, float]]
@@ -51,12 +53,9 @@ def with_others(
     """
     done = {e.effect for e, _ in tried}
     others = [effect for effect in effects if effect not in done]
-    if search.budget.spent() or not others:
+    if search.budget.spent() or not others or not has_structure(below, search.data):
         return tried
-    if not any(analysis.structure for analysis in analyse_residuals(below, search.data).values()):
-        return tried
-    best: dict[type[Effect], FittedCandidate] = {}
-    _fit(search, below, screen(scored, others, len(others)), best)
+    best = _glanced_at(search, below, screen(scored, others, len(others)))
     more = _in_order(search, below, best, len(effects))
     return sorted([*tried, *more], key=lambda row: -row[1])
 
@@ -86,23 +85,53 @@ def _fit(
     candidates: Sequence[ScreenedCandidate],
     best: dict[type[Effect], FittedCandidate],
 ) -> None:
-    """Fit candidates, those that have a chance to the end, and put into `best` what is better."""
+    """Fit promising candidates, and put into `best` what is better; what others have overtaken is left out."""
     counter = Counter(search.progress, "fitting effects", len(candidates))
+
+    def fitted(candidate: ScreenedCandidate) -> FittedCandidate | None:
+        found = _tried(search, below, candidate)
+        counter.one_more()
+        return found
+
+    while candidates:
+        if search.budget.spent():
+            search.budget.leave(label(c.effect) for c in candidates if c.effect not in best)
+            return
+        # what the best of them gains tells which of the others still has a chance
+        batch, candidates = candidates[:AT_ONCE], candidates[AT_ONCE:]
+        _keep(side_by_side(fitted, batch), best)
+        gained = max((batch[0].below.fit.deviance - e.fit.deviance for e in best.values()), default=0.0)
+        candidates = [c for c in candidates if c.predicted.fall > DOMINATED * gained]
+
+
+def _glanced_at(
+    search: Search, below: FittedCandidate, candidates: Sequence[ScreenedCandidate]
+) -> dict[type[Effect], FittedCandidate]:
+    """Fit candidates of which little is expected: a few steps, and to the end what has a chance then."""
+    counter, best = (
+        Counter(search.progress, "fitting all effects", len(candidates)),
+        dict[type[Effect], FittedCandidate](),
+    )
 
     def glance(candidate: ScreenedCandidate) -> FittedCandidate | None:
         if search.budget.spent():
             search.budget.leave([label(candidate.effect)])
             return None
-        fitted = _tried(search, below, candidate, GLANCE)
+        seen = _tried(search, below, candidate, GLANCE)
         counter.one_more()
-        return fitted
+        return seen
 
     seen = side_by_side(glance, candidates)
-    gained = max((below.fit.bic - e.fit.bic for e in (*best.values(), *filter(None, seen))), default=0.0)
+    _keep(seen, best)
+    gained = max((below.fit.bic - e.fit.bic for e in best.values()), default=0.0)
     least = below.fit.bic - max(CONTENDER * gained, 0.0)
     chances = [c for c, e in zip(candidates, seen, strict=True) if e and e.fit.bic < least]
-    fitted = side_by_side(lambda c: _tried(search, below, c), chances)
-    for one in filter(None, [*seen, *fitted]):
+    _keep(side_by_side(lambda c: _tried(search, below, c), chances), best)
+    return best
+
+
+def _keep(fitted: Sequence[FittedCandidate | None], best: dict[type[Effect], FittedCandidate]) -> None:
+    for one in filter(None, fitted):
         best[one.effect] = min(best.get(one.effect, one), one, key=lambda e: e.fit.bic)
 
 

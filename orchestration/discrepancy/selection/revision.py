@@ -13,10 +13,14 @@ from itertools import pairwise
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import Candidate, label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.residuals.analysis import has_structure
+from orchestration.discrepancy.residuals.innovations import power
 from orchestration.discrepancy.selection.ranking import ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import ACCEPT, ALTERNATIVE, Selection, Step, interchangeable
+
+EXPLAINED = 0.1  # of the error beyond noise, that the effects named take away at least where structure is left
 
 
 def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]]) -> Selection:
@@ -36,6 +40,25 @@ def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]
             break
         selection = changed
     return selection
+
+
+def explaining(search: Search, selection: Selection) -> Selection:
+    """The selection, or nothing named where hardly any of what the model leaves is explained by it.
+
+    Whatever is wrong with a model, some effect fits it a little. Where structure is left beside one that takes away
+    less than a tenth of the error beyond noise, something else is wrong.
+    """
+    if not selection.steps or search.budget.spent() or not has_structure(selection.best, search.data):
+        return selection
+    before, after = selection.base.fit, selection.best.fit
+    noise = {o: power(after.innovation[o]) * n.deviation**2 for o, n in after.noise.items()}
+    left = {o: power(before.residual[o]) - noise[o] for o in noise}
+    taken = {o: power(before.residual[o]) - power(after.residual[o]) for o in noise}
+    if any(taken[o] > EXPLAINED * left[o] > 0.0 for o in noise):
+        return selection
+    named = [(step.chosen, step.gain) for step in selection.steps]
+    unsure = selection.unsure | {fitted.effect_name for fitted, _ in named}
+    return replace(selection, steps=[], rejected=[*named, *selection.rejected], unsure=unsure)
 
 
 def _revised_once(search: Search, selection: Selection, effects: Sequence[type[Effect]]) -> Selection | None:

@@ -161,7 +161,7 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
 def _sure(below: FittedCandidate, tried: Ranked, threshold: float, looked_at: int) -> tuple[Ranked, set[str]]:
     """Candidates whose evidence would do whatever the noise, and labels of those of which it would in that noise."""
     beyond = [(e, g) for e, g in tried if g > threshold]
-    sure = [(e, g) for e, g in beyond if e.robust_fall(below, looked_at) > ACCEPT]
+    sure = [(e, g) for e, g in beyond if e.robust_fall(below, looked_at) > ACCEPT and e.is_nearer_than(below)]
     return sure, {e.effect_name for e, _ in beyond} - {e.effect_name for e, _ in sure}
 
 

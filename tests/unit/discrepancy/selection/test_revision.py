@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import chain, combinations
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from fmus.kit import Effect, Parameter
 from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.selection.revision import revised
+from orchestration.discrepancy.selection.revision import explaining, revised
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record
@@ -97,3 +98,37 @@ def test_physics_takes_the_credit_where_a_sensor_explains_no_more(order):
     (step,) = select(search, [sensor, OFFSET][::order]).steps
     assert step.chosen.effect_name == "force_offset"
     assert [other.effect_name for other in step.alternatives] == ["sensor_offset(shown)"]
+
+
+def test_what_explains_hardly_anything_of_what_is_wrong_is_not_named():
+    """A wave that no effect makes, and a little of one that does: shares of the variance."""
+    random = np.random.default_rng(5)
+    signal = 1.7 * np.sin(2.0 * np.pi * np.arange(COUNT) / 97.0)  # slow: so is the wave, which noise is not
+    even = SHAPES["even"](signal)
+    wave = np.cos(8.0 * signal)
+    wave -= np.column_stack([signal, even]) @ np.linalg.lstsq(np.column_stack([signal, even]), wave)[0]
+
+    def found(share):
+        size = np.sqrt(share / (1.0 - share) * np.mean(wave**2) / np.mean(even**2))
+        shown = GAIN * signal + 3.0 * SPREAD * (wave + size * even) + SPREAD * random.standard_normal(COUNT)
+        search = Search(Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown}), Amplifier, ["gain"])
+        forward = select(search, EFFECTS[:1])
+        assert [step.chosen.effect_name for step in forward.steps] == ["even"]  # otherwise this record shows nothing
+        return explaining(search, forward)
+
+    little, much = found(0.05), found(0.3)
+    assert (little.steps, little.unsure, [e.effect_name for e, _ in little.rejected]) == ([], {"even"}, ["even"])
+    assert len(much.steps) == 1
+
+
+def test_what_only_changes_the_noise_is_no_cause():
+    """Of two models the likelier is no nearer to the record."""
+    data = record({"even": 1.0}, 2)
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    (step,) = select(search, EFFECTS[:1], base).steps
+    assert step.chosen.is_nearer_than(base)
+    assert not base.is_nearer_than(step.chosen)
+    farther = replace(step.chosen, fit=replace(step.chosen.fit, residual={"shown": 1.01 * base.fit.residual["shown"]}))
+    assert farther.fit.bic < base.fit.bic
+    assert not farther.is_nearer_than(base)
