@@ -204,9 +204,7 @@ def diagnose(
         search, base, by_clock = clock.by_fit(search, base)
         search, base, chosen = intersample.by_fit(search, base, chosen)
     estimation, validation, usable = _as_taken(parts, by_clock, intersample.linear(chosen))
-    selection = Selection(base)
-    if not inconclusive:
-        selection = explaining(search, revised(search, select(search, effects, base), effects))
+    selection = Selection(base) if inconclusive else _selected(search, effects, base)
     noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     judged = confirmed(_trusted(search, selection), validation)
@@ -241,6 +239,11 @@ def diagnose(
         verdict, selection, values, changed, residuals, *errors_side_by_side(predictions, validation), estimation,
         validation, final, notes, chosen, excused, judged.confirmations,
     )  # fmt: skip
+
+
+def _selected(search: Search, effects: Sequence[type[Effect]], base: FittedCandidate) -> Selection:
+    """Effects one after another, judged together, if they explain what is wrong."""
+    return explaining(search, revised(search, select(search, effects, base), effects))
 
 
 def _as_taken(
