@@ -59,7 +59,7 @@ class FittedCandidate:
         return self.delta_bic(base, tried) - ratio * (1.0 - 1.0 / excess)
 
     def is_nearer_than(self, base: FittedCandidate) -> bool:
-        """Whether its free run is nearer to the record, in the mean over the outputs; else it is mere noise that fits.
+        """Whether its free run is nearer to the record, in the geometric mean over outputs; else mere noise fits.
 
         Samples count as they do in its fit.
         """
@@ -68,7 +68,7 @@ class FittedCandidate:
             for o, w in self.fit.weights.items()
             if base.fit.residual[o].any()
         ]
-        return float(np.log(ratios).sum()) < 0.0
+        return float(np.prod(ratios)) < 1.0
 
     def p_value(self, base: FittedCandidate, tried: int) -> float:
         """Probability of such a likelihood ratio without the effect, times the number of candidates."""

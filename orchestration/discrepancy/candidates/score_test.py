@@ -60,7 +60,12 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
 
     Returns
     -------
-    list of Lead
+    list of ScoreDirection
+
+    Raises
+    ------
+    UserError
+        If it cannot be simulated, whatever its second parameters.
     """
     switch, *others = own_parameters(effect)
     at, declared = problem.names.index(switch), problem.declared
@@ -68,11 +73,12 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
     low, high = (float(end[at]) for end in problem.bounds())
     here = problem.scales[at].position(neutral)
     bounds = low - here, high - here
-    directions = []
+    directions, failed = list[ScoreDirection](), None
     for second in _grid(others, declared):
         try:
             base, slopes = problem.evaluate(problem.position(problem.start | second))
-        except UserError:  # with such a shape it cannot be simulated
+        except UserError as error:  # with such a shape it cannot be simulated, with another perhaps
+            failed = error
             continue
         local = {output: slope[:, at].astype(np.float32) for output, slope in slopes.items()}
         if any(column.any() for column in local.values()):
@@ -87,6 +93,8 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
                     second | {switch: value}, {o: (moved[o] - base[o]).astype(np.float32) for o in base}, *_TRUST
                 )
             )
+    if failed is not None and not directions:
+        raise failed
     return directions
 
 

@@ -94,13 +94,13 @@ def _tell(selection: Selection, effect: type[Effect], close: Sequence[FittedCand
     selection.steps[k] = replace(selection.steps[k], alternatives=[e for e in close if e.effect_name not in named])
 
 
-def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selection:
-    """A selection that ends in a model, with every effect over those before it."""
+def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selection | None:
+    """A selection that ends in a model, with every effect over those before it; none if one cannot be fitted."""
     models = [best]
     for k in range(len(best.candidate.effects) - 1, -1, -1):  # the base, too: in the same distribution of the noise
         below = _fitted(search, models[0], best.candidate.effects[:k])
         if below is None:
-            return selection
+            return None
         models.insert(0, below)
     steps = list[Step]()
     for below, model in pairwise(models):
