@@ -10,6 +10,7 @@ import pytest
 
 from fmus.kit import Effect, Parameter
 from fmus.kit.sensors import measurement_effects
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection.revision import explaining, revised
 from orchestration.discrepancy.selection.search import Search
@@ -132,3 +133,10 @@ def test_what_only_changes_the_noise_is_no_cause():
     farther = replace(step.chosen, fit=replace(step.chosen.fit, residual={"shown": 1.01 * base.fit.residual["shown"]}))
     assert farther.fit.bic < base.fit.bic
     assert not farther.is_nearer_than(base)
+
+
+def test_what_brings_the_free_run_no_nearer_is_rejected_as_unsure(monkeypatch):
+    search = Search(record({"even": 1.0}, 2), Amplifier, ["gain"])
+    monkeypatch.setattr(FittedCandidate, "is_nearer_than", lambda self, base: False)
+    selection = select(search, EFFECTS[:1])
+    assert (selection.steps, selection.unsure) == ([], {"even"})
