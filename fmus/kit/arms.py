@@ -35,6 +35,7 @@ ARMS: dict[str, tuple[_Form, str, float, _Form]] = {
 }  # fmt: skip
 _ONE = "sliding", "hysteresis"  # whose state is a share of its limit, and whose constant is a way
 _SQUARE = "heating", "warming"  # whose state is the mean square of the signal
+_SETTLED = "lagging", "leading", "play"  # which a signal that stayed where it starts has brought to equilibrium
 _LOOPS = "sliding", "hysteresis", "play"
 GIVES = 0.01  # s, in which a play has followed; shorter is as good as at once
 
@@ -101,13 +102,22 @@ def arm(
     size = scale or of.nominal
     amount, time, state = names or (f"{law}_{id or kind}", f"{law}_{id or kind}_constant", f"{law}_{id or kind}_state")
     rate = f"{state}_rate"
+    began = component.layout.start_of.get(signal, "") if kind in _SETTLED else ""
+
+    def since_start(self: Any) -> Any:
+        """The signal, of a state that is remembered as such how far it has come: both were in equilibrium before."""
+        x = getattr(self, signal)
+        return x - getattr(self, began) if began else x
 
     def moves(self: Any) -> Any:
-        x = getattr(self, speed)() if kind == "hysteresis" else getattr(self, signal)
+        x = getattr(self, speed)() if kind == "hysteresis" else since_start(self)
         return law_of_rate(x, getattr(self, state), getattr(self, time))
 
     def more(self: Any) -> Any:
-        return getattr(self, amount) * form(getattr(self, signal), getattr(self, state), getattr(self, time))
+        effect = form(since_start(self), getattr(self, state), getattr(self, time))
+        if began and kind == "lagging":
+            effect = effect + getattr(self, began)
+        return getattr(self, amount) * effect
 
     power = 0 if slides else 3 if kind == "heating" else 2 if kind == "warming" else 1
     square = f"({of.unit})^2" if kind in _SQUARE else of.unit

@@ -320,3 +320,14 @@ def test_what_there_is_not_is_refused_in_a_line():
         curve(MASS, "spring_force", "stretch", "cubic")
     with pytest.raises(UserError, match="mass_spring_damper: no real input named 'voltage'"):
         dead_zone(MASS, "voltage")
+
+
+@pytest.mark.parametrize("kind", ["lagging", "leading", "play"])
+def test_what_remembers_a_state_begins_in_equilibrium_with_it(kind):
+    """The level stands at a metre; a memory that began at zero would let flow what has long settled."""
+    steady = {"inflow": np.full(50, 0.1)}
+    remembering = stack(Tank, arm(Tank, "outflow", "level", kind, 5.0, "m^3/s"))
+    values = {f"outflow_{kind}": 0.01 if kind != "lagging" else 0.02, "level_start": 1.0}
+    values |= {"outlet": 0.08} if kind == "lagging" else {}  # what is remembered flows, too
+    found = CompiledModel(remembering).run(np.arange(50.0), steady, values).signals["height"]
+    assert found == pytest.approx(np.ones(50), abs=1e-9)
