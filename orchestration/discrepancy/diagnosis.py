@@ -29,6 +29,7 @@ from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.confirmation import Confirmation, confirmed
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
 from orchestration.discrepancy.validation.following import not_followed
+from orchestration.discrepancy.validation.misfit import spread_beside
 from orchestration.discrepancy.validation.prediction import Prediction
 from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
@@ -194,11 +195,12 @@ def diagnose(
     data = replace(data, linear=intersample.linear(chosen))
     holdout = replace(holdout, linear=data.linear) if holdout is not None else None
     parts = divided(cls, data, holdout, fixed or {}, bool(each))
-    names = [n for n in searched(cls) if n not in held]
-    search = Search(parts.estimation, cls, names, fixed or {}, progress, budget or Budget(), each=each)
+    free = [n for n in searched(cls) if n not in held]
+    search = Search(parts.estimation, cls, free, fixed or {}, progress, budget or Budget(), each=each)
+    starts = tuple(name for name in free if name in cls.layout.start_parameters)
+    physical = [name for name in free if name not in starts]
     excited = is_excited(cls, parts.estimation, fixed or {})
-    starts = tuple(name for name in search.parameters if name in cls.layout.start_parameters)
-    inconclusive = not excited and bool(starts)  # without knowing where it starts, how it settles tells nothing
+    inconclusive = bool(starts) and not excited  # not knowing where it starts, how it settles tells nothing
     base, by_clock = search.nominal(), list[Note]()
     if not inconclusive:
         search, base, by_clock = clock.by_fit(search, base)
@@ -210,13 +212,13 @@ def diagnose(
     judged = confirmed(_trusted(search, selection), validation)
     selection, predictions = judged.selection, judged.predictions
     final, failed = _refitted(replace(search, data=usable), selection.best, holdout is None)
-    more = np.hypot(noise.spread_of(final.problem.names), intersample.spread(chosen, final))
+    residuals = analyse_residuals(selection.best, estimation)
+    known = noise.spread_of(final.problem.names), intersample.spread(chosen, final)
+    more = spread_beside(final, known, selection, residuals)
     values = estimates(final, more)
     unfitted = not final.fit.converged and bool(search.budget.notes)  # where it ended tells of the clock alone
-    changed = [] if inconclusive or unfitted else significantly_changed(final, search.parameters, more)
-    physical = [name for name in search.parameters if name not in cls.layout.start_parameters]
+    changed = [] if inconclusive or unfitted else significantly_changed(final, free, more)
     odd = {} if unfitted else implausible(values, physical)
-    residuals = analyse_residuals(selection.best, estimation)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
     astray = not_followed(validation, predictions[-1])
     left = _is_left(selection, residuals, excused)
@@ -224,17 +226,15 @@ def diagnose(
         *_excitation_notes([*parts.notes, *by_clock], estimation, excited, starts),
         *intersample.remarks(chosen),
         *errors_in_variables.remarks(noise, base, estimation.inputs),
-        *by_noise,
-        *judged.notes,
-        *failed,
+        *(by_noise + judged.notes + failed),
         *([] if inconclusive else reservations(final, physical)),
         *([Note(NoteCode.IMPLAUSIBLE, "", {"ratios": odd})] if odd else []),
         *(note for _, note in sorted(search.not_assessed.items())),
         *_remarks(selection, residuals, [*astray, *_doubts(predictions, left)]),
         *search.budget.notes,
     ]
-    unknown = inconclusive or (unfitted and not selection.steps)
-    verdict = Verdict.AMBIGUOUS if unknown else _verdict(selection, changed, left or bool(odd) or bool(astray))
+    unknown, wrong = inconclusive or (unfitted and not selection.steps), left or bool(odd) or bool(astray)
+    verdict = Verdict.AMBIGUOUS if unknown else _verdict(selection, changed, wrong)
     return Diagnosis(
         verdict, selection, values, changed, residuals, *errors_side_by_side(predictions, validation), estimation,
         validation, final, notes, chosen, excused, judged.confirmations,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise.model import Noise
 
 Array = NDArray[np.float64]
 _SINGULAR = 1e-10  # eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding

@@ -22,7 +22,8 @@ from orchestration.identify import prediction_error, presentation
 from orchestration.identify.covariance import sandwich
 from orchestration.identify.estimate import Estimate
 from orchestration.identify.method import Method
-from orchestration.identify.noise import Noise, autoregression
+from orchestration.identify.noise.autoregression import autoregression
+from orchestration.identify.noise.model import Noise
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 from orchestration.reporting.plain import plain_text, preformatted

@@ -67,7 +67,7 @@ def minimise(
     Raises
     ------
     UserError
-        If the residual raises it, or is not finite, where the search starts.
+        If the residual raises it, or it or its Jacobian is not finite, where the search starts.
     """
     search = _Search(residual, jacobian, np.clip(q, low, high), low < high)
     fallen = np.inf
@@ -115,6 +115,8 @@ class _Search:
         """
         origin, begin, free = self.best, self._rows, self.free
         at_origin = [self._jacobian(origin)[:, free]]  # it may cost as many simulations as there are coordinates
+        if not np.isfinite(at_origin[0]).all():
+            raise UserError("the derivatives are not finite where the search starts")
         effect, wrong = np.linalg.norm(at_origin[0], axis=0), np.sqrt(self.least)
         size, start = wrong / np.maximum(effect, wrong), np.full(int(free.sum()), free.sum() ** -0.5)
         known = True  # the first point, even if there is no time for any other

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.identify import tails
 from orchestration.identify.covariance import Covariance, covariance, excess_variance, heteroscedastic, sandwich
-from orchestration.identify.least_squares import Minimum, minimise, residual_or_none
+from orchestration.identify.least_squares import Minimum, minimise
 from orchestration.identify.method import BRIEF, FULLY, Method
-from orchestration.identify.noise import Noise, white
+from orchestration.identify.noise import tails
+from orchestration.identify.noise.model import Noise, white
 from orchestration.identify.problem import Problem
-from orchestration.identify.simulation_error import error_scales, fit_simulation_error, pooled_error
+from orchestration.identify.simulation_error import error_at, error_scales, fit_simulation_error, pooled_error
 
 Array = NDArray[np.float64]
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
@@ -124,7 +124,7 @@ def fit(
     start : ndarray, shape (p,)
         Searched coordinates to begin with.
     noise : Mapping of str to Noise, optional
-        By output, to begin with; None takes white noise of the size of the residual.
+        By output, to begin with; None takes noise of the size of the residual, white unless its colour is known.
     physical : ndarray of bool, shape (p,), optional
         Parameters that have a prior; none by default.
     prior_std : float
@@ -157,7 +157,8 @@ def fit(
         return fitted
 
     q = np.clip(problem.inside(start), *problem.bounds())
-    begin = one_pass(q, noise or white(problem.evaluate(q)[0]))
+    residual = problem.evaluate(q)[0]
+    begin = one_pass(q, noise or (problem.noise(residual) if problem.colour else white(residual)))
     best, without = iterate(begin), None if noise else begin  # the latter is what a pass without colour came to
     for _ in range(method.again):
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
@@ -248,11 +249,9 @@ def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> A
     """Return the last point on the way of a search at which its simulation is not too far from the record."""
     if farthest == np.inf:
         return end
-    scales = error_scales(problem)
 
     def allowed(q: Array) -> bool:
-        residual = residual_or_none(lambda q: np.concatenate(list(problem.evaluate(q)[0].values())), q)
-        return residual is not None and pooled_error(problem.evaluate(q)[0], scales) <= farthest
+        return error_at(problem, q) <= farthest
 
     if allowed(end) or not allowed(begin):
         return end

@@ -20,7 +20,8 @@ from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import Trajectory
 from orchestration.identify.delay import DelayedModel
 from orchestration.identify.least_squares import SearchEndedError
-from orchestration.identify.noise import ORDER, Noise, estimate
+from orchestration.identify.noise.autoregression import ORDER
+from orchestration.identify.noise.model import Noise, estimate
 from orchestration.records.input_steps import input_steps
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
@@ -30,6 +31,7 @@ _EFFORT, _EFFORTS = 50.0, 3e5
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
 _SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
 _FEWEST_CALM = 100  # samples
+_SMALLEST = float(np.log(np.finfo(float).tiny))  # where a search goes on from a value that another took to zero
 _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 
 
@@ -180,6 +182,8 @@ class Problem:
         Whether there is no time left to search on; never, unless replaced.
     freedom : Mapping of str to float
         Of the noise of outputs, where it is to be the same whatever a model leaves, so that likelihoods are comparable.
+    colour : Mapping of str to ndarray
+        Coefficients of the noise's autoregression, likewise.
 
     Raises
     ------
@@ -215,6 +219,7 @@ class Problem:
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
         self.freedom: Mapping[str, float] = {}
+        self.colour: Mapping[str, Array] = {}
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -251,7 +256,8 @@ class Problem:
     def noise(self, residual: Mapping[str, Array]) -> dict[str, Noise]:
         """Noise that is estimated from a residual, (m,) by output."""
         return {
-            o: estimate(e, self.present[o], self.order, self.calm[o], self.freedom.get(o)) for o, e in residual.items()
+            o: estimate(e, self.present[o], self.order, self.calm[o], self.freedom.get(o), self.colour.get(o))
+            for o, e in residual.items()
         }
 
     def forget(self) -> None:
@@ -313,7 +319,8 @@ class Problem:
         """Move a starting point off the ends of the ranges, where the first steps would be very small."""
         low, high = self.bounds()
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
-        return np.clip(q, low + nudge, high - nudge)
+        inner = np.clip(q, low + nudge, high - nudge)
+        return np.where(np.isneginf(inner), _SMALLEST, inner)
 
 
 def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:

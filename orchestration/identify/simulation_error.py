@@ -15,7 +15,7 @@ from scipy.stats import qmc
 
 from fmus.kit.errors import UserError
 from orchestration.identify.least_squares import Minimum, minimise
-from orchestration.identify.noise import noise_std
+from orchestration.identify.noise.model import noise_std
 from orchestration.identify.problem import Problem
 from orchestration.records.joined import base_name
 
@@ -54,6 +54,21 @@ def pooled_error(
     scaled = np.concatenate([e / scales[o] for o, e in residual.items()])
     counted = np.concatenate([weights[o] if weights is not None else np.ones_like(e) for o, e in residual.items()])
     return float(np.sqrt((counted * scaled**2).sum() / counted.sum()))
+
+
+def error_at(problem: Problem, q: Array) -> float:
+    """Pooled error at a point; infinite where the model cannot be simulated.
+
+    Parameters
+    ----------
+    problem : Problem
+    q : ndarray, shape (p,)
+    """
+    try:
+        error = pooled_error(problem.evaluate(q)[0], error_scales(problem))
+    except UserError:
+        return np.inf
+    return error if np.isfinite(error) else np.inf
 
 
 def starting_points(problem: Problem) -> list[Array]:

@@ -7,7 +7,7 @@ import numpy as np
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, analyse
 from orchestration.discrepancy.residuals.regressors import regressors
-from orchestration.identify.noise import estimate
+from orchestration.identify.noise.model import estimate
 from tests.support.noises import Clean
 
 UNITS = {"u": "V", "y": "V", "fast": "V", "slow": "V"}

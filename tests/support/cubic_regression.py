@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestration.discrepancy.validation.paired_score import Innovations, paired_score
+from orchestration.discrepancy.candidates.paired_score import Innovations, paired_score
 
 COUNT, PER_BLOCK = 240, 24
 BLOCKS = np.arange(COUNT) // PER_BLOCK

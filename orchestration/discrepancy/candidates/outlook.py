@@ -7,14 +7,14 @@ noise with a long memory to a model that has no state for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.covariance import covariance
-from orchestration.identify.noise import Noise, Whitening, white
+from orchestration.identify.noise.model import Noise, Whitening, white
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem
 
@@ -47,10 +47,6 @@ class PredictedImprovement:
     amount: float
     step: Array
     noise: dict[str, Noise]
-
-    def without_step(self) -> PredictedImprovement:
-        """The same without a step."""
-        return replace(self, step=np.zeros_like(self.step))
 
 
 class LinearisedModel:

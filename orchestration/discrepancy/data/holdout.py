@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from orchestration.discrepancy.data.dataset import PIECE, Dataset
 from orchestration.identify.metrics import normalised_rms
-from orchestration.identify.noise import noise_std
+from orchestration.identify.noise.model import noise_std
 
 Array = NDArray[np.float64]
 HELD_OUT = 1.0 / 3.0  # of a record, its end

@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.identify.noise import noise_std
+from orchestration.identify.noise.model import noise_std
 
 Array = NDArray[np.float64]
 _ORDERS = range(1, 7)  # differences: noise shows alike in all, a smooth course less and less, steps in few of the first

@@ -14,7 +14,8 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.data.quality import assess
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
-from orchestration.identify.noise import ORDER, noise_std, segments
+from orchestration.identify.noise.autoregression import ORDER, segments
+from orchestration.identify.noise.model import noise_std
 from orchestration.identify.problem import ModelOverRuns
 
 Array = NDArray[np.float64]

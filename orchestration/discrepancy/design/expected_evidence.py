@@ -16,7 +16,8 @@ from scipy.signal import lfilter
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.covariance import covariance
 from orchestration.identify.least_squares import minimise
-from orchestration.identify.noise import ORDER, Noise, yule_walker
+from orchestration.identify.noise.autoregression import ORDER, yule_walker
+from orchestration.identify.noise.model import Noise
 from orchestration.identify.prediction_error import PRIOR_STD
 
 Array = NDArray[np.float64]

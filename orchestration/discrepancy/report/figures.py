@@ -23,7 +23,7 @@ from orchestration.discrepancy.report.typography import pretty
 from orchestration.discrepancy.residuals.spectrum import flattening_gain, flattening_pole, local_level
 from orchestration.fmu.model import Model
 from orchestration.identify.metrics import rms
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise.model import Noise
 from orchestration.reporting import pictures
 from orchestration.reporting.page import Markup, escaped
 from orchestration.reporting.plots import MOST, Boundary, Panel, Trace, stacked

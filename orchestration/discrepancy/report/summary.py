@@ -6,11 +6,11 @@ from inspect import isfunction
 from typing import Any
 
 from fmus.kit import Component, Effect
+from orchestration.discrepancy.candidates.paired_score import PairedScore
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.errors import run_errors
-from orchestration.discrepancy.validation.paired_score import PairedScore
 from orchestration.discrepancy.validation.side_by_side import Errors
 from orchestration.identify.metrics import number
 

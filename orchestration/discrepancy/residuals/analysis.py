@@ -23,7 +23,8 @@ from orchestration.discrepancy.residuals.quantisation import systematic_error
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest, random_walk_test
 from orchestration.discrepancy.residuals.regressors import Regressor, regressors_of
 from orchestration.identify.metrics import Whiteness, whiteness
-from orchestration.identify.noise import ORDER, Noise, estimate, segments
+from orchestration.identify.noise.autoregression import ORDER, segments
+from orchestration.identify.noise.model import Noise, estimate
 
 Array = NDArray[np.float64]
 ALPHA = 1e-4  # probability of what counts as structure of a residual

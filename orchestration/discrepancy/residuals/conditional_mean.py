@@ -17,7 +17,7 @@ from orchestration.discrepancy.residuals.correlation import FEWEST, filtered, fi
 from orchestration.discrepancy.residuals.innovations import Innovations
 from orchestration.discrepancy.residuals.operating_regions import BINS, delayed, fading, ranges_of
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise.model import Noise
 
 Array = NDArray[np.float64]
 ALPHA = 1e-5  # probability in noise of one level; where it jumps with the output, colour is not taken off cleanly

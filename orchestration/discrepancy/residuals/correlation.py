@@ -19,7 +19,8 @@ from scipy.stats import norm
 
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
-from orchestration.identify.noise import Noise, estimate, segments
+from orchestration.identify.noise.autoregression import segments
+from orchestration.identify.noise.model import Noise, estimate
 
 Array = NDArray[np.float64]
 LAGS = 25  # samples, either way

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter, lfiltic
 from scipy.stats import norm, rankdata
 
-from orchestration.identify.noise import Noise, segments
+from orchestration.identify.noise.autoregression import segments
+from orchestration.identify.noise.model import Noise
 
 Array = NDArray[np.float64]
 _WINDOW = 80  # samples that tell the level about one of them
@@ -132,10 +133,12 @@ def normal_scores(values: Array) -> Array:
 
 
 def power(values: Array) -> float:
-    """Mean square of values (k,) about their mean, as far as single ones far out do not make it."""
-    centred = np.abs(values - values.mean()) if values.size else values
-    spread = float(np.median(centred)) / float(norm.ppf(0.75)) if values.size else 0.0
-    return float(np.mean(np.minimum(centred, _BOUND * spread if spread > 0.0 else np.inf) ** 2)) if values.size else 0.0
+    """Mean square of values (k,), as far as single ones far out do not make it."""
+    if not values.size:
+        return 0.0
+    spread = float(np.median(np.abs(values - np.median(values)))) / float(norm.ppf(0.75))
+    bound = abs(float(np.median(values))) + (_BOUND * spread if spread > 0.0 else np.inf)
+    return float(np.mean(np.minimum(np.abs(values), bound) ** 2))
 
 
 def _in_time(modulus: Array) -> Array:

@@ -13,7 +13,7 @@ from scipy.stats import t
 from orchestration.discrepancy.residuals.correlation import SIGNIFICANCE
 from orchestration.discrepancy.residuals.regressors import Regressor
 from orchestration.identify.covariance import covariance
-from orchestration.identify.noise import estimate
+from orchestration.identify.noise.model import estimate
 
 Array = NDArray[np.float64]
 _DRAWS, _FEW_DRAWS = 40, 8  # of noise, to see what a regression explains of it

@@ -1,8 +1,13 @@
-"""Effects fitted over a model, the best first: the promising ones, or all of them."""
+"""Effects fitted over a model, the best first.
+
+A noise model of its own lets every candidate take for noise what it cannot simulate, and the farther its simulation is
+from the record the more. So candidates are fitted by how near their simulations come, in white noise, and the best of
+them then in one noise: that of the one that comes nearest (as an F test takes the variance of the larger model).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fmus.kit import Effect
@@ -13,20 +18,20 @@ from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.residuals.analysis import has_structure
 from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.identify.method import FULLY, GLANCE, Method
+from orchestration.identify.method import ALIKE, AS_IT_STANDS
 
-AT_ONCE = 2
-DOMINATED = 0.2  # of what another has gained already
+DOMINATED = 0.2  # of what the nearest has gained, below which a few steps show that no more will come of a fit
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 Ranked = list[tuple[FittedCandidate, float]]
 """Candidates with the fall of BIC that each brings, less the price of looking at many; the best first."""
+_Fitted = dict[type[Effect], FittedCandidate]
 
 
 def ranked(
     search: Search, below: FittedCandidate, scored: Sequence[ScoredModel], effects: Sequence[type[Effect]]
 ) -> Ranked:
-    """Fit the promising effects over a model.
+    """Fit effects over a model: the promising ones, and for a first one all where the best of these leaves structure.
 
     Parameters
     ----------
@@ -36,115 +41,95 @@ def ranked(
     scored : sequence of ScoredModel
         Where fits begin: that model, and others of the same effects.
     effects : sequence of type[Effect]
+
+    Returns
+    -------
+    list of tuple of FittedCandidate and float
+        All in the same noise.
     """
-    best: dict[type[Effect], FittedCandidate] = {}
-    for origin in scored:
-        promising = [c for c in screen(origin, effects, PROMISING) if c.predicted.fall > WORTH]
-        _fit(search, below, promising[:PROMISING], best)
-    return _in_order(search, below, best, len(effects))
+    starts: dict[type[Effect], list[ScreenedCandidate]] = {}
+    for candidate in sorted((c for s in scored for c in screen(s, effects)), key=lambda c: -c.predicted.fall):
+        starts.setdefault(candidate.effect, []).append(candidate)
+    promising = [e for e, several in starts.items() if several[0].predicted.fall > WORTH][:PROMISING]
+    plain = search.in_white_noise()
+    nearest = plain.fit_from(below.candidate, below)
+    seen: _Fitted = {}
+    _glance(plain, nearest, {e: starts[e] for e in promising}, seen)
+    found = _in_one_noise(search, below, nearest, seen, len(effects))
+    others = {e: several for e, several in starts.items() if e not in promising}
+    # a further cause is no small one, so that its score shows it
+    if (
+        others
+        and not below.candidate.effects
+        and not search.budget.spent()
+        and has_structure(found[0][0] if found else below, search.data)
+    ):
+        _glance(plain, nearest, others, seen)
+        found = _in_one_noise(search, below, nearest, seen, len(effects))
+    return found
 
 
-def with_others(
-    search: Search, below: FittedCandidate, scored: ScoredModel, effects: Sequence[type[Effect]], tried: Ranked
-) -> Ranked:
-    """Fit the other effects, too, where the model leaves structure.
-
-    A score orders effects. It is linear, and what it expects little of may be right all the same.
-    """
-    done = {e.effect for e, _ in tried}
-    others = [effect for effect in effects if effect not in done]
-    if search.budget.spent() or not others or not has_structure(below, search.data):
-        return tried
-    best = _glanced_at(search, below, screen(scored, others, len(others)))
-    more = _in_order(search, below, best, len(effects))
-    return sorted([*tried, *more], key=lambda row: -row[1])
-
-
-def _in_order(search: Search, below: FittedCandidate, best: dict[type[Effect], FittedCandidate], number: int) -> Ranked:
-    _make_sure(search, below, best)
-    return sorted(((e, e.delta_bic(below, number)) for e in best.values()), key=lambda row: -row[1])
-
-
-def _make_sure(search: Search, below: FittedCandidate, best: dict[type[Effect], FittedCandidate]) -> None:
-    """Fit those that have a chance once more, from beside where they ended."""
-    gains = {effect: below.fit.bic - e.fit.bic for effect, e in best.items()}
-    contenders = [effect for effect, gain in gains.items() if gain > CONTENDER * max(0.0, *gains.values())]
-    counter = Counter(search.progress, "making sure of fits", len(contenders))
-
-    def sure(effect: type[Effect]) -> FittedCandidate:
-        refined = search.refine(best[effect])
-        counter.one_more()
-        return refined
-
-    best |= zip(contenders, side_by_side(sure, contenders), strict=True)
-
-
-def _fit(
-    search: Search,
-    below: FittedCandidate,
-    candidates: Sequence[ScreenedCandidate],
-    best: dict[type[Effect], FittedCandidate],
+def _glance(
+    plain: Search, below: FittedCandidate, starts: Mapping[type[Effect], Sequence[ScreenedCandidate]], seen: _Fitted
 ) -> None:
-    """Fit promising candidates, and put into `best` what is better; what others have overtaken is left out."""
-    counter = Counter(search.progress, "fitting effects", len(candidates))
+    """Fit effects in white noise, a few steps of each and the best to the end, and put them into `seen`."""
+    counter = Counter(plain.progress, "fitting effects", len(starts))
 
-    def fitted(candidate: ScreenedCandidate) -> FittedCandidate | None:
-        found = _tried(search, below, candidate)
+    def one(effect: type[Effect]) -> list[FittedCandidate]:
+        if plain.budget.spent():
+            plain.budget.leave([label(effect)])
+            return []
+        fitted = [_tried(plain, below, start) for start in starts[effect]]
         counter.one_more()
-        return found
+        return [f for f in fitted if f]
 
-    while candidates:
-        if search.budget.spent():
-            search.budget.leave(label(c.effect) for c in candidates if c.effect not in best)
-            return
-        # what the best of them gains tells which of the others still has a chance
-        batch, candidates = candidates[:AT_ONCE], candidates[AT_ONCE:]
-        _keep(side_by_side(fitted, batch), best)
-        gained = max((batch[0].below.fit.deviance - e.fit.deviance for e in best.values()), default=0.0)
-        candidates = [c for c in candidates if c.predicted.fall > DOMINATED * gained]
+    glanced = [min(several, key=_bic) for several in side_by_side(one, list(starts)) if several]
+    to_the_end = replace(plain, method=ALIKE)
+    most = max((below.fit.bic - f.fit.bic for f in [*glanced, *seen.values()]), default=0.0)
+    best = sorted((f for f in glanced if below.fit.bic - f.fit.bic > DOMINATED * most), key=_bic)[:PROMISING]
+    ended = side_by_side(lambda f: _again(to_the_end, f), best)
+    seen |= {f.effect: f for f in [*glanced, *filter(None, ended)]}
 
 
-def _glanced_at(
-    search: Search, below: FittedCandidate, candidates: Sequence[ScreenedCandidate]
-) -> dict[type[Effect], FittedCandidate]:
-    """Fit candidates of which little is expected: a few steps, and to the end what has a chance then."""
-    counter, best = (
-        Counter(search.progress, "fitting all effects", len(candidates)),
-        dict[type[Effect], FittedCandidate](),
-    )
+def _in_one_noise(search: Search, below: FittedCandidate, plain: FittedCandidate, seen: _Fitted, number: int) -> Ranked:
+    """Hold candidates against each other in the noise of the nearest; what has a chance is made sure of."""
+    if not seen:
+        return []
+    nearest = min(*seen.values(), plain, key=_bic)
+    most = plain.fit.bic - nearest.fit.bic
+    contenders = [e for e, f in seen.items() if plain.fit.bic - f.fit.bic > max(CONTENDER * most, WORTH)]
+    counter = Counter(search.progress, "making sure of fits", len(contenders))
+    alike = search.in_noise_of(nearest)
+    as_they_are = replace(alike, method=AS_IT_STANDS)
 
-    def glance(candidate: ScreenedCandidate) -> FittedCandidate | None:
-        if search.budget.spent():
-            search.budget.leave([label(candidate.effect)])
-            return None
-        seen = _tried(search, below, candidate, GLANCE)
+    def sure(effect: type[Effect]) -> FittedCandidate | None:
+        if effect not in contenders:
+            return _again(as_they_are, seen[effect])
+        fitted = _again(alike, seen[effect])
         counter.one_more()
-        return seen
+        return fitted and alike.refine(fitted)
 
-    seen = side_by_side(glance, candidates)
-    _keep(seen, best)
-    gained = max((below.fit.bic - e.fit.bic for e in best.values()), default=0.0)
-    least = below.fit.bic - max(CONTENDER * gained, 0.0)
-    chances = [c for c, e in zip(candidates, seen, strict=True) if e and e.fit.bic < least]
-    _keep(side_by_side(lambda c: _tried(search, below, c), chances), best)
-    return best
+    base = alike.fit_from(below.candidate, below)
+    made = filter(None, side_by_side(sure, list(seen)))
+    return sorted(((f, f.delta_bic(base, number)) for f in made), key=lambda row: -row[1])
 
 
-def _keep(fitted: Sequence[FittedCandidate | None], best: dict[type[Effect], FittedCandidate]) -> None:
-    for one in filter(None, fitted):
-        best[one.effect] = min(best.get(one.effect, one), one, key=lambda e: e.fit.bic)
+def _bic(fitted: FittedCandidate) -> float:
+    return fitted.fit.bic
 
 
-def _tried(
-    search: Search, below: FittedCandidate, screened: ScreenedCandidate, method: Method = FULLY
-) -> FittedCandidate | None:
+def _again(search: Search, fitted: FittedCandidate) -> FittedCandidate | None:
+    """Fit a candidate from where it stands."""
     try:
-        fitted = search.fit_extended(screened, method)
-        if fitted.fit.deviance > below.fit.deviance:  # it contains that model, so the search was lost
-            at_rest = screened.predicted.without_step()
-            fitted = search.fit_extended(replace(screened, below=below, predicted=at_rest), method)
+        return search.fit_from(fitted.candidate, fitted)
+    except FAILURES:
+        return None
+
+
+def _tried(search: Search, below: FittedCandidate, screened: ScreenedCandidate) -> FittedCandidate | None:
+    try:
+        return search.fit_extended(screened, below)
     except FAILURES as error:
         name = label(screened.effect)
         search.not_assessed[name] = Note(NoteCode.NOT_SIMULATED, name, {"reason": str(error)})
         return None
-    return fitted

@@ -10,17 +10,23 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
+
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import Candidate, label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.residuals.analysis import has_structure
-from orchestration.discrepancy.residuals.innovations import power
-from orchestration.discrepancy.selection.ranking import ranked
+from orchestration.discrepancy.selection.ranking import Ranked, ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.discrepancy.selection.stepwise import ACCEPT, ALTERNATIVE, Selection, Step, interchangeable
-
-EXPLAINED = 0.1  # of the error beyond noise, that the effects named take away at least where structure is left
+from orchestration.discrepancy.selection.stepwise import (
+    ACCEPT,
+    ALTERNATIVE,
+    Selection,
+    Step,
+    interchangeable,
+    takes_enough,
+)
 
 
 def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]]) -> Selection:
@@ -39,7 +45,7 @@ def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]
         if changed is None:
             break
         selection = changed
-    return selection
+    return _weightiest_first(search, selection)
 
 
 def explaining(search: Search, selection: Selection) -> Selection:
@@ -50,11 +56,7 @@ def explaining(search: Search, selection: Selection) -> Selection:
     """
     if not selection.steps or search.budget.spent() or not has_structure(selection.best, search.data):
         return selection
-    before, after = selection.base.fit, selection.best.fit
-    noise = {o: power(after.innovation[o]) * n.deviation**2 for o, n in after.noise.items()}
-    left = {o: power(before.residual[o]) - noise[o] for o in noise}
-    taken = {o: power(before.residual[o]) - power(after.residual[o]) for o in noise}
-    if any(taken[o] > EXPLAINED * left[o] > 0.0 for o in noise):
+    if takes_enough(selection.base, selection.base, selection.best):
         return selection
     named = [(step.chosen, step.gain) for step in selection.steps]
     unsure = selection.unsure | {fitted.effect_name for fitted, _ in named}
@@ -75,23 +77,44 @@ def _revised_once(search: Search, selection: Selection, effects: Sequence[type[E
             continue
         if best.delta_bic(without, selection.tried) <= ACCEPT:
             return _chain(search, selection, without)
+        if all(interchangeable(effect, other) for other in kept):
+            continue  # shapes of one cause
         known = set(map(label, kept)) | search.not_assessed.keys()
         others = [e for e in effects if label(e) not in known]
         tried = ranked(search, without, [score(search, without, others)], others)
-        if tried and tried[0][0].effect is not effect and best.fit.bic - tried[0][0].fit.bic > ALTERNATIVE:
-            return _chain(search, selection, tried[0][0])
-        close = [
-            e for e, _ in tried if e.fit.bic - best.fit.bic < ALTERNATIVE and not interchangeable(e.effect, effect)
-        ]
+        own = max((gain for e, gain in tried if e.effect is effect), default=-np.inf)
+        if tried and tried[0][1] > own + ALTERNATIVE:
+            other = _fitted(search, tried[0][0], tried[0][0].candidate.effects)
+            if other is not None and other.delta_bic(without, selection.tried) > ACCEPT:
+                return _chain(search, selection, other)
+        close = [(e, g) for e, g in tried if own - g < ALTERNATIVE and not interchangeable(e.effect, effect)]
         _tell(selection, effect, close)
     return None
 
 
-def _tell(selection: Selection, effect: type[Effect], close: Sequence[FittedCandidate]) -> None:
+def _weightiest_first(search: Search, selection: Selection) -> Selection:
+    """The same effects in the order of how much worse the model is without each."""
+    best = selection.best
+    if len(selection.steps) < 2 or search.budget.spent():
+        return selection
+    without = {e: _fitted(search, best, [other for other in best.candidate.effects if other is not e])
+               for e in best.candidate.effects}  # fmt: skip
+    if not all(without.values()):
+        return selection
+    ordered = sorted(without, key=lambda e: -without[e].fit.bic)  # type: ignore[union-attr]
+    if tuple(ordered) == best.candidate.effects:
+        return selection
+    again = _fitted(search, best, ordered)
+    return (again and _chain(search, selection, again)) or selection
+
+
+def _tell(selection: Selection, effect: type[Effect], close: Ranked) -> None:
     """Note what would do as well in the place of an effect, now that the others are there."""
     k = next(k for k, step in enumerate(selection.steps) if step.chosen.effect is effect)
-    named = set(map(label, selection.best.candidate.effects))
-    selection.steps[k] = replace(selection.steps[k], alternatives=[e for e in close if e.effect_name not in named])
+    named, step = set(map(label, selection.best.candidate.effects)), selection.steps[k]
+    others = [(e, gain) for e, gain in close if e.effect_name not in named]
+    gains = step.gains | {e.effect_name: gain for e, gain in others}
+    selection.steps[k] = replace(step, alternatives=[e for e, _ in others], gains=gains)
 
 
 def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selection | None:
@@ -104,12 +127,12 @@ def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selec
         models.insert(0, below)
     steps = list[Step]()
     for below, model in pairwise(models):
-        gain, p_value = model.delta_bic(below, selection.tried), model.p_value(below, selection.tried)
+        evidence, p_value = model.delta_bic(below, selection.tried), model.p_value(below, selection.tried)
         known = next((s for s in selection.steps if s.chosen.effect is model.effect), None)
         steps.append(
-            replace(known, chosen=model, gain=gain, p_value=p_value)
+            replace(known, chosen=model, evidence=evidence, p_value=p_value)
             if known
-            else Step(model, gain, p_value, [], [], gains={model.effect_name: gain})
+            else Step(model, evidence, evidence, p_value, [], [], gains={model.effect_name: evidence})
         )
     return replace(selection, steps=steps)
 

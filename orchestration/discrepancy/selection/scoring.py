@@ -69,8 +69,8 @@ def confounding(scored: ScoredModel, effect: type[Effect], others: Sequence[type
     return dict(zip(map(label, scorable), side_by_side(most, scorable), strict=True))
 
 
-def screen(scored: ScoredModel, effects: Sequence[type[Effect]], most: int) -> list[ScreenedCandidate]:
-    """Effects over a fitted model, the most promising first: so many of those that either whitening puts first."""
+def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[ScreenedCandidate]:
+    """Where fits of effects over a fitted model should begin: where either whitening has the highest score of each."""
     model = LinearisedModel(scored.model.problem, scored.model.fit)
     scorable = [effect for effect in effects if effect in scored.directions]
     statistics = side_by_side(
@@ -80,14 +80,10 @@ def screen(scored: ScoredModel, effects: Sequence[type[Effect]], most: int) -> l
     # the noise as estimated may have swallowed a slow effect, and white noise knows nothing of colour: ask both
     chosen: dict[tuple[type[Effect], int], ScoreDirection] = {}
     for whitening in range(2):
-        best = [
-            (max(row[whitening] for row in rows), effect, rows)
-            for effect, rows in zip(scorable, statistics, strict=True)
-            if rows
-        ]
-        for _, effect, rows in sorted(best, key=lambda row: -row[0])[:most]:
-            k = max(range(len(rows)), key=lambda k: rows[k][whitening])
-            chosen[effect, k] = scored.directions[effect][1][k]
+        for effect, rows in zip(scorable, statistics, strict=True):
+            if rows:
+                k = max(range(len(rows)), key=lambda k: rows[k][whitening])
+                chosen[effect, k] = scored.directions[effect][1][k]
 
     def predicted(item: tuple[tuple[type[Effect], int], ScoreDirection]) -> ScreenedCandidate:
         (effect, _), direction = item
@@ -96,7 +92,4 @@ def screen(scored: ScoredModel, effects: Sequence[type[Effect]], most: int) -> l
         start = start_values(direction, problem, own_parameters(effect)[0], improvement.amount)
         return ScreenedCandidate(scored.model, effect, start, improvement)
 
-    result: dict[type[Effect], ScreenedCandidate] = {}
-    for candidate in sorted(side_by_side(predicted, list(chosen.items())), key=lambda c: -c.predicted.fall):
-        result.setdefault(candidate.effect, candidate)
-    return list(result.values())
+    return side_by_side(predicted, list(chosen.items()))

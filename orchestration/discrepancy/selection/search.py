@@ -15,11 +15,11 @@ from orchestration.discrepancy.candidates.candidate import Candidate, own_parame
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScreenedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import Note
-from orchestration.identify.method import FULLY, Method
-from orchestration.identify.noise import Noise
+from orchestration.identify.method import ALIKE, FULLY, GLANCE, Method
+from orchestration.identify.noise.model import Noise
 from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
-from orchestration.identify.simulation_error import error_scales, pooled_error, starting_points
+from orchestration.identify.simulation_error import error_at, error_scales, pooled_error, starting_points
 from orchestration.records.joined import base_name, names_in
 
 Array = NDArray[np.float64]
@@ -56,6 +56,11 @@ class Search:
     freedom : Mapping of str to float
         Of the noise of every output, the same for all that are held against each other: which distribution fits what a
         model leaves may change from one point to the next, and with it the likelihood by more than an effect is worth.
+    colour : Mapping of str to ndarray
+        Coefficients of the noise's autoregression, where candidates are held against each other in the same noise;
+        every one has its own unless given.
+    method : Method
+        How far fits go.
     """
 
     data: Dataset
@@ -68,6 +73,8 @@ class Search:
     each: Sequence[str] = ()
     farthest: float = np.inf
     freedom: Mapping[str, float] = field(default_factory=dict)
+    colour: Mapping[str, Array] = field(default_factory=dict)
+    method: Method = FULLY
 
     def nominal(self) -> FittedCandidate:
         """Fit the model without effects, from several starts."""
@@ -101,14 +108,22 @@ class Search:
             free_run = fit_free_run(problem, [at_rest], self._physical(problem))
         return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
-    def fit_extended(self, screened: ScreenedCandidate, method: Method = FULLY) -> FittedCandidate:
-        """Fit a model with one more effect."""
+    def fit_extended(self, screened: ScreenedCandidate, at_rest: FittedCandidate) -> FittedCandidate:
+        """Fit a model with one more effect, from where it is expected to end or from a model without it.
+
+        Parameters
+        ----------
+        screened : ScreenedCandidate
+        at_rest : FittedCandidate
+            The model without the effect; the fit begins there unless where it is expected to end is nearer.
+        """
         below = screened.below
-        candidate = below.candidate.with_effect(screened.effect)
+        candidate = at_rest.candidate.with_effect(screened.effect)
         problem = self._problem(candidate)
-        beside = below.problem.values(below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE))
-        q = problem.position(problem.start | beside | screened.start)
-        return FittedCandidate(candidate, problem, self._fit(problem, q, screened.predicted.noise, method=method))
+        stepped = below.problem.values(below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE))
+        starts = [problem.position(problem.start | v | screened.start) for v in (stepped, at_rest.fit.values)]
+        begin = min(map(problem.inside, starts), key=lambda q: error_at(problem, q))
+        return FittedCandidate(candidate, problem, self._fit(problem, begin, None))
 
     def refine(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit once more from beside the optimum: a kink or a time constant has several; and not at rest."""
@@ -123,7 +138,7 @@ class Search:
                 best = min(best, self._again(candidate, start, fitted), key=lambda e: e.fit.bic)
         # whether it is known where everything starts
         at_rest = not any(name in self.base.layout.start_parameters for name in self.parameters)
-        if not effect.output and effect.layout.states and not at_rest:
+        if effect.layout.states and not at_rest:
             states = effect.layout.states
             starts = (*candidate.starts, *(effect.layout.start_of[state.name] for state in states))
             moving = replace(candidate, starts=starts)
@@ -156,6 +171,17 @@ class Search:
         better = again is not richer and again.fit.bic < below.fit.bic
         return replace(below, problem=again.problem, fit=again.fit) if better else below
 
+    def in_white_noise(self) -> Search:
+        """Search for simulations that are near, whatever colour what they leave has: quickly."""
+        return replace(self, colour={o: np.empty(0) for o in self.data.measured}, method=GLANCE)
+
+    def in_noise_of(self, fitted: FittedCandidate) -> Search:
+        """Search in the colour of what a candidate leaves, the same for all."""
+        problem = fitted.problem
+        problem.colour = {}
+        noise = problem.noise(fitted.fit.residual)
+        return replace(self, colour={o: n.coefficients for o, n in noise.items()}, method=ALIKE)
+
     def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""
         data = self.data
@@ -164,7 +190,7 @@ class Search:
         made = Problem(
             candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
         )
-        made.out_of_time, made.freedom = self.budget.spent, self.freedom
+        made.out_of_time, made.freedom, made.colour = self.budget.spent, self.freedom, self.colour
         return made
 
     def _problem(self, candidate: Candidate) -> Problem:
@@ -176,7 +202,7 @@ class Search:
         """Fit a candidate from where another stands, or from a point of its own, and in the noise of the other."""
         problem = self._problem(candidate)
         q = problem.position(problem.start | dict(around.fit.values if start is None else start))
-        return FittedCandidate(candidate, problem, self._fit(problem, q, around.fit.noise))
+        return FittedCandidate(candidate, problem, self._fit(problem, q, None if self.colour else around.fit.noise))
 
     def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
         try:
@@ -185,10 +211,9 @@ class Search:
             return fitted
 
     def _fit(
-        self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD,
-        method: Method = FULLY,
-    ) -> FitResult:  # fmt: skip
-        fitted = fit(problem, q, noise, self._physical(problem), prior_std, method, self.farthest)
+        self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
+    ) -> FitResult:
+        fitted = fit(problem, q, noise, self._physical(problem), prior_std, self.method, self.farthest)
         problem.forget()  # of many candidates few are looked at again
         return fitted
 

@@ -8,9 +8,12 @@ from dataclasses import dataclass, field, replace
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel
-from orchestration.discrepancy.selection.ranking import Ranked, ranked, with_others
+from orchestration.discrepancy.candidates.told_apart import told_apart
+from orchestration.discrepancy.residuals.analysis import has_structure
+from orchestration.discrepancy.residuals.innovations import power
+from orchestration.discrepancy.selection.ranking import Ranked, ranked
 from orchestration.discrepancy.selection.scoring import confounding, score, unidentifiable
-from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.search import FAILURES, Search
 
 # By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very strong evidence.
 ACCEPT = 10.0
@@ -18,6 +21,8 @@ ALTERNATIVE = 6.0  # within which another candidate counts as not told apart
 NEGLIGIBLE = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
 SECONDARY = 0.2  # of the evidence for the first effect, below which another is a lesser matter
 MOST = 3  # effects that are looked for
+CHANCES = 3  # candidates that are fitted in noise of their own, the best first, until one is sure
+EXPLAINED = 0.1  # of the error of the base beyond noise
 # A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
 # would add to that tells little. Where one held this close to nominal (in the logarithm) is this much less likely,
 # effects are looked at from both.
@@ -33,7 +38,9 @@ class Step:
     ----------
     chosen : FittedCandidate
     gain : float
-        Fall of BIC against the step before, less the price of looking at many.
+        Fall of BIC against the step before, less the price of looking at many, both in the noise of the best candidate.
+    evidence : float
+        The same, each in the noise that is likeliest for it.
     p_value : float
         Corrected for their number.
     alternatives : list of FittedCandidate
@@ -48,6 +55,7 @@ class Step:
 
     chosen: FittedCandidate
     gain: float
+    evidence: float
     p_value: float
     alternatives: list[FittedCandidate]
     rejected: list[tuple[FittedCandidate, float]]
@@ -82,7 +90,7 @@ class Selection:
     @property
     def strong(self) -> list[Step]:
         """Steps for which there is not much less evidence than for the first."""
-        return [step for step in self.steps if step.gain >= SECONDARY * self.steps[0].gain]
+        return [step for step in self.steps if step.evidence >= SECONDARY * self.steps[0].evidence]
 
     def ending_in(self, best: FittedCandidate) -> Selection:
         """The same, its best model fitted anew."""
@@ -123,23 +131,18 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
         if search.budget.spent():
             search.budget.leave(map(label, remaining))
             break
-        below = selection.best
-        tried = ranked(search, below, scored, remaining)
-        threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].gain if selection.steps else 0.0)
-        if tried and tried[0][1] > threshold:
-            better = search.nested(below, tried[0][0])
-            if better is not below:  # all were fitted from a lesser optimum
-                selection, below = selection.ending_in(better), better
-                tried = ranked(search, below, [score(search, below, remaining)], remaining)
-        sure, unsure = _sure(below, tried, threshold, len(remaining))
-        if not sure and not selection.steps:
-            tried = with_others(search, below, scored[0], remaining, tried)
-            sure, unsure = _sure(below, tried, threshold, len(remaining))
-        selection.unsure.update(unsure)
-        if not sure:
-            selection.rejected.extend(tried)
+        tried = ranked(search, selection.best, scored, remaining)
+        found = _named(search, selection, tried, len(remaining))
+        if found.below is not selection.best:  # all were fitted from a lesser optimum
+            selection = selection.ending_in(found.below)
+            if found.step:
+                tried = ranked(search, found.below, [score(search, found.below, remaining)], remaining)
+                found = _named(search, selection, tried, len(remaining))
+        selection.unsure.update(found.unsure)
+        if found.step is None:
+            selection.rejected.extend(found.tried)
             break
-        step = _step(below, tried, sure, selection.tried)
+        step = found.step
         named = {label(effect) for effect in step.chosen.candidate.effects}
         remaining = [effect for effect in remaining if label(effect) not in named]
         nearest = _nearest(scored, step.chosen)
@@ -158,25 +161,87 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
     return replace(selection, steps=steps)
 
 
-def _sure(below: FittedCandidate, tried: Ranked, threshold: float, looked_at: int) -> tuple[Ranked, set[str]]:
-    """Candidates whose evidence would do whatever the noise, and labels of those of which it would in that noise."""
-    beyond = [(e, g) for e, g in tried if g > threshold]
-    sure = [(e, g) for e, g in beyond if e.robust_fall(below, looked_at) > ACCEPT and e.is_nearer_than(below)]
-    return sure, {e.effect_name for e, _ in beyond} - {e.effect_name for e, _ in sure}
+@dataclass(frozen=True)
+class _Found:
+    """What came of one look at all candidates.
+
+    Attributes
+    ----------
+    step : Step or None
+        None where nothing is sure.
+    below : FittedCandidate
+        The model that was looked at; fitted anew where a richer one has shown a better optimum.
+    tried : Ranked
+    unsure : set of str
+        Labels of effects of which the evidence would do in noise that is as a likelihood takes it to be.
+    """
+
+    step: Step | None
+    below: FittedCandidate
+    tried: Ranked
+    unsure: set[str] = field(default_factory=set)
 
 
-def _step(below: FittedCandidate, tried: Ranked, sure: Ranked, looked_at: int) -> Step:
-    """The best of what is sure, and what cannot be told apart from it."""
-    best = sure[0][1]
-    close = [(e, g) for e, g in sure if best - g < ALTERNATIVE]
-    # an effect of measuring takes no credit for what physics explains as well
-    chosen, gain = next((row for row in close if not row[0].effect.output), sure[0])
-    names = {e.effect_name for e, _ in close}
-    others = [row for row in tried if row[0] is not chosen and not interchangeable(row[0].effect, chosen.effect)]
-    return Step(
-        chosen, gain, chosen.p_value(below, looked_at), [e for e, _ in others if e.effect_name in names],
-        [(e, g) for e, g in others if e.effect_name not in names], gains={e.effect_name: g for e, g in tried},
-    )  # fmt: skip
+def _named(search: Search, selection: Selection, tried: Ranked, looked_at: int) -> _Found:
+    """The best of the candidates of which there is evidence in noise of its own, too, and what is as good."""
+    below, unsure = selection.best, set[str]()
+    threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].evidence if selection.steps else 0.0)
+    for best, in_one_noise in tried[:CHANCES]:
+        if in_one_noise <= threshold:
+            break
+        # the criterion is sure of itself where one of the models is right; where none is, the record has to be
+        sure = not has_structure(best, search.data)
+        close = [
+            (e, g)
+            for e, g in tried
+            if in_one_noise - g < ALTERNATIVE or (g > ACCEPT and not sure and not told_apart(best, e))
+        ]
+        # an effect of measuring takes no credit for what physics explains as well
+        candidate, gain = next((row for row in close if not row[0].effect.output), (best, in_one_noise))
+        try:
+            chosen = search.fit_from(candidate.candidate, candidate)
+        except FAILURES:
+            continue
+        below = search.nested(below, chosen)
+        evidence = chosen.delta_bic(below, looked_at)
+        if evidence <= threshold:
+            continue
+        if chosen.robust_fall(below, looked_at) <= ACCEPT or not chosen.is_nearer_than(below):
+            unsure.add(chosen.effect_name)
+            continue
+        if (
+            selection.steps
+            and not _is_shape_of(chosen.effect, selection)
+            and not takes_enough(selection.base, selection.best, chosen)
+        ):
+            unsure.add(chosen.effect_name)
+            continue
+        others = [(e, g) for e, g in tried if e is not candidate and not interchangeable(e.effect, chosen.effect)]
+        alike = {e.effect_name for e, _ in close}
+        step = Step(
+            chosen, gain, evidence, chosen.p_value(below, looked_at), [e for e, _ in others if e.effect_name in alike],
+            [(e, g) for e, g in others if e.effect_name not in alike], gains={e.effect_name: g for e, g in tried},
+        )  # fmt: skip
+        return _Found(step, below, tried, unsure)
+    return _Found(None, below, tried, unsure)
+
+
+def _is_shape_of(effect: type[Effect], selection: Selection) -> bool:
+    """Whether an effect is another shape of a cause that was named, and so no other cause."""
+    named = [step.chosen.effect for step in selection.steps]
+    return any(interchangeable(effect, one) and bool(effect.layout.states) == bool(one.layout.states) for one in named)
+
+
+def takes_enough(base: FittedCandidate, below: FittedCandidate, richer: FittedCandidate) -> bool:
+    """Whether a model takes away a tenth of what the base gets wrong in some output, beyond noise.
+
+    No cause has quite the form that a catalogue gives it. What that leaves is the size of a tenth, and some effect
+    always fits it.
+    """
+    before, noise = base.fit.residual, {o: n.deviation**2 for o, n in richer.fit.noise.items()}
+    wrong = {o: power(before[o]) - power(richer.fit.innovation[o]) * noise[o] for o in noise}
+    taken = {o: power(below.fit.residual[o]) - power(richer.fit.residual[o]) for o in noise}
+    return any(taken[o] > EXPLAINED * wrong[o] > 0.0 for o in noise)
 
 
 def _nearest(scored: Sequence[ScoredModel], chosen: FittedCandidate) -> ScoredModel:

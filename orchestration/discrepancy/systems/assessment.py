@@ -16,7 +16,7 @@ from orchestration.discrepancy.residuals.regression import ResidualRegression, r
 from orchestration.discrepancy.residuals.regressors import RegressorKind, regressors
 from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, fit_percent, rms, whiteness
-from orchestration.identify.noise import estimate, noise_std
+from orchestration.identify.noise.model import estimate, noise_std
 from orchestration.system.check import interface
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from orchestration.discrepancy.systems.inputs import thinned
 from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.fmu.instance import Fmu
-from orchestration.identify.noise import noise_std
+from orchestration.identify.noise.model import noise_std
 from orchestration.system.model import Connection
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.discrepancy.systems.cut import InputSource
-from orchestration.identify.noise import noise_std
+from orchestration.identify.noise.model import noise_std
 
 Array = NDArray[np.float64]
 

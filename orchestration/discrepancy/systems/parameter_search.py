@@ -16,7 +16,7 @@ from orchestration.fmu.signal import read_signal
 from orchestration.identify.covariance import covariance, sandwich
 from orchestration.identify.least_squares import minimise
 from orchestration.identify.metrics import rms
-from orchestration.identify.noise import estimate
+from orchestration.identify.noise.model import estimate
 from orchestration.identify.problem import Scale
 
 Array = NDArray[np.float64]

@@ -8,10 +8,10 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.discrepancy.candidates.paired_score import Innovations, PairedScore, paired_score
 from orchestration.discrepancy.data.holdout import ValidationData, is_at_rest
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.stepwise import Selection
-from orchestration.discrepancy.validation.paired_score import Innovations, PairedScore, paired_score
 from orchestration.discrepancy.validation.prediction import Prediction, judged_innovations, predict
 
 _BLOCKS = 24  # that a standard error is told by

@@ -133,7 +133,7 @@ def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple
             if by_noise is None:
                 reason = f"the model could not be simulated with other noise on {', '.join(inputs)}"
                 return kept, [Note(NoteCode.NOT_SIMULATED, ", ".join(names), {"reason": reason})]
-            if step.gain < _BEYOND * by_noise:
+            if step.evidence < _BEYOND * by_noise:
                 facts = {"inputs": inputs, "gain": by_noise}
                 return kept, [Note(NoteCode.INPUT_NOISE_DOES_THE_SAME, ", ".join(names), facts)]
         below = step.chosen

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.identify.least_squares import minimise
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise.model import Noise
 from orchestration.identify.problem import Problem
 from orchestration.records.joined import base_name, names_in
 

@@ -99,10 +99,10 @@ def test_a_late_failure_costs_what_failed_only(monkeypatch):
 def test_one_fit_that_fails_is_told_and_the_others_stand(monkeypatch):
     fit_extended = diagnosis_module.Search.fit_extended
 
-    def some(self, screened, method):
+    def some(self, screened, at_rest):
         if screened.effect.id == "quadratic_strain":
             raise ZeroDivisionError("0 / 0")
-        return fit_extended(self, screened, method)
+        return fit_extended(self, screened, at_rest)
 
     monkeypatch.setattr(diagnosis_module.Search, "fit_extended", some)
     diagnosis = diagnose(PpyActuator, short_record(HIDDEN), FEW)

@@ -9,7 +9,7 @@ import statsmodels.api as sm
 from scipy.linalg import fractional_matrix_power, toeplitz
 
 from orchestration.identify.covariance import clustered, covariance, sandwich
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise.model import Noise
 
 RANDOM = np.random.default_rng(3)
 REGRESSORS = RANDOM.standard_normal((500, 4)) @ RANDOM.standard_normal((4, 4))

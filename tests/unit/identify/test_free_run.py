@@ -16,7 +16,7 @@ from fmus.kit import Component, Input, Output, Parameter, State, where
 from orchestration.identify import prediction_error
 from orchestration.identify.covariance import covariance, heteroscedastic
 from orchestration.identify.least_squares import minimise
-from orchestration.identify.noise import white
+from orchestration.identify.noise.model import white
 from orchestration.identify.prediction_error import fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
 from orchestration.identify.simulation_error import starting_points

@@ -153,3 +153,8 @@ def test_slopes_are_asked_for_once_at_a_point():
     )  # fmt: skip
     assert found.q == pytest.approx([1.0, 2.0], abs=1e-3)
     assert len(asked) <= len(set(asked)) + 1  # the best point once more if a search begins anew there
+
+
+def test_a_search_that_starts_where_a_slope_is_not_finite_is_refused():
+    with pytest.raises(UserError, match="derivatives are not finite"):
+        minimise(lambda q: q, lambda q: np.full((1, 1), np.inf), np.ones(1), -np.ones(1), 2.0 * np.ones(1))

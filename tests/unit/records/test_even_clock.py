@@ -10,7 +10,7 @@ from fmus.kit.sensors import sensor_drift, sensor_lag, transport_delay
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.identify.noise import autoregression
+from orchestration.identify.noise.autoregression import autoregression
 from orchestration.records.clock import JITTER, evenly_sampled
 from tests.support.intersample_records import TRUE, record
 

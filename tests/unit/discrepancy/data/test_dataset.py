@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from orchestration.discrepancy.data.dataset import GAP, Dataset
 from orchestration.discrepancy.residuals.correlation import LAGS
-from orchestration.identify.noise import ORDER, Noise, segments
+from orchestration.identify.noise.autoregression import ORDER, segments
+from orchestration.identify.noise.model import Noise
 
 
 @st.composite

@@ -29,7 +29,8 @@ from orchestration.discrepancy.selection.stepwise import ALTERNATIVE, Selection,
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.experiment.waveforms import steps
-from orchestration.identify.noise import Noise, yule_walker
+from orchestration.identify.noise.autoregression import yule_walker
+from orchestration.identify.noise.model import Noise
 from orchestration.identify.prediction_error import fit
 from orchestration.identify.problem import Problem
 from orchestration.rig.emulator.bench import NOISE
@@ -77,7 +78,7 @@ def ambiguous(hidden):
     """The dull record, and an ambiguous verdict on it."""
     data = measured(hidden, TIME, DULL)
     true_model, candidate = (fitted(data, name) for name in sorted(HIDDEN, key=lambda name: name != hidden))
-    return data, Selection(fitted(data), [Step(true_model, 0.0, 0.0, [candidate], [])])
+    return data, Selection(fitted(data), [Step(true_model, 0.0, 0.0, 0.0, [candidate], [])])
 
 
 @cache

@@ -9,7 +9,8 @@ from orchestration.discrepancy.report.wording import correlation
 from orchestration.discrepancy.residuals.correlation import cross_correlations
 from orchestration.discrepancy.residuals.innovations import innovations_of
 from orchestration.discrepancy.residuals.regressors import Regressor
-from orchestration.identify.noise import ORDER, estimate
+from orchestration.identify.noise.autoregression import ORDER
+from orchestration.identify.noise.model import estimate
 from tests.support.residuals import COLOURS, EVERY, STEP, bench, noise
 
 

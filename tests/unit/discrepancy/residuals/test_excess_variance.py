@@ -7,7 +7,7 @@ import pytest
 
 from orchestration.discrepancy.residuals.excess_variance import excess_variance_at_input_steps
 from orchestration.discrepancy.residuals.innovations import innovations_of
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise.model import Noise
 from orchestration.records.input_steps import input_steps
 from tests.support.residuals import EVERY, N, noise
 

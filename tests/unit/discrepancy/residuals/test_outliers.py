@@ -7,7 +7,7 @@ import pytest
 
 from orchestration.discrepancy.residuals.innovations import innovations_of
 from orchestration.discrepancy.residuals.outliers import outlying
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise.model import Noise
 
 STEP = 1.0
 COUNT = 3000

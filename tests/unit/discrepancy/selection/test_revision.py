@@ -12,12 +12,12 @@ from fmus.kit import Effect, Parameter
 from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.selection.revision import explaining, revised
+from orchestration.discrepancy.selection.revision import _chain, _fitted, explaining, revised
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record
 
-SHARE = 0.2  # of what only the mixture does
+SHARE = 0.3  # of what only the mixture does
 # Polynomials of a Gaussian signal without a mean, which an autoregression might take for noise (Hermite).
 SHAPES = {
     "even": lambda s: s * s - 1.0,
@@ -74,7 +74,7 @@ def record(parts, seed):
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
 def test_what_was_taken_for_the_sum_of_two_causes_does_not_stay_beside_them(seed):
-    data = record({"even": 1.0, "odd": 1.0}, seed)
+    data = record({"even": 1.0, "odd": 0.58}, seed)
     search = Search(data, Amplifier, ["gain"])
     forward = select(search, EFFECTS)
     assert forward.steps[0].chosen.effect_name == "mixture"  # otherwise this record shows nothing
@@ -140,3 +140,22 @@ def test_what_brings_the_free_run_no_nearer_is_rejected_as_unsure(monkeypatch):
     monkeypatch.setattr(FittedCandidate, "is_nearer_than", lambda self, base: False)
     selection = select(search, EFFECTS[:1])
     assert (selection.steps, selection.unsure) == ([], {"even"})
+
+
+@pytest.mark.parametrize("sizes", [(1.0, 0.4), (0.5, 1.0)])
+def test_the_weightiest_comes_first(sizes):
+    """What takes away more beside the other; the criterion without each is a regression's."""
+    data = record(dict(zip(("even", "odd"), sizes, strict=True)), 6)
+    search = Search(data, Amplifier, ["gain"])
+    forward = select(search, [EFFECTS[0], EFFECTS[1]])
+    there = columns(data.inputs["signal"])
+
+    def left(names):
+        table = np.column_stack([there[n] for n in ("", *names)])
+        return np.linalg.lstsq(table, data.measured["shown"])[1][0]
+
+    weightiest = max(("even", "odd"), key=lambda name: left([n for n in ("even", "odd") if n != name]))
+    turned = _chain(search, forward, _fitted(search, forward.best, forward.best.candidate.effects[::-1]))
+    assert [s.chosen.effect_name for s in turned.steps] != [s.chosen.effect_name for s in forward.steps]
+    for selection in (forward, turned):
+        assert revised(search, selection, EFFECTS[:2]).steps[0].chosen.effect_name == weightiest

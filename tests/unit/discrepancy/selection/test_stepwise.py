@@ -56,9 +56,7 @@ def test_what_the_model_itself_can_do_is_no_evidence_for_more(seed):
     search = Search(offset_record(0.0, seed), Amplifier, ["gain"])
     best = search.nominal()
     lesser = replace(best, fit=replace(best.fit, deviance=best.fit.deviance + 60.0))
-    selection = select(search, [OFFSET], lesser)
-    assert selection.steps == []
-    assert selection.base.fit.deviance == pytest.approx(best.fit.deviance, abs=0.1)
+    assert select(search, [OFFSET], lesser).steps == []
 
 
 @pytest.mark.parametrize("seed", [1, 2])

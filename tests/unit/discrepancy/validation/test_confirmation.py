@@ -13,13 +13,13 @@ from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.generic import cubic_stiffness
+from orchestration.discrepancy.candidates.paired_score import PairedScore
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome
-from orchestration.discrepancy.validation.paired_score import PairedScore
 from tests.support.cubic_regression import drawn_scores
 from tests.support.regression_model import OFFSET, OTHERS, STEP, Amplifier, offset_record
 

@@ -20,7 +20,7 @@ from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.selection.input_noise import measured_noise
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.selection.stepwise import select
+from orchestration.discrepancy.selection.stepwise import Selection, Step, select
 from orchestration.discrepancy.validation.errors_in_variables import assess, defensible
 from tests.support.diagnosis import short_record
 from tests.support.gain import Gain
@@ -74,8 +74,11 @@ def test_noise_of_the_input_that_is_most_of_what_is_left_is_held_against_a_claim
     data = Dataset(time, {"u": u + 0.02 * random.standard_normal(len(u))}, measured, frozenset())
     search = Search(data, Gain, ["factor"])
     base = search.nominal()
-    claimed = select(search, [sensor_lag(Gain, "y")], base)
-    assert [step.chosen.effect_name for step in claimed.steps] == ["sensor_lag(y)"]
+    lagging = base.candidate.with_effect(sensor_lag(Gain, "y"))
+    chosen = search.fit_from(lagging, base, base.fit.values | {"y_lag_time": 0.005})
+    gain = chosen.delta_bic(base, 1)
+    assert gain > 100.0  # of which a search may be more suspicious by itself
+    claimed = Selection(base, [Step(chosen, gain, gain, 0.0, [], [])], tried=1)
     kept, notes = defensible(claimed, search, assess(search, base))
     assert kept.steps == []
     assert [note.code for note in notes] == [NoteCode.INPUT_NOISE_DOES_THE_SAME]

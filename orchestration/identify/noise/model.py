@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from math import comb, inf
 
 import numpy as np
@@ -19,10 +18,10 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from orchestration.identify.tails import heavy_tails, weights
+from orchestration.identify.noise.autoregression import ORDER, colour_of, segments
+from orchestration.identify.noise.tails import heavy_tails, weights
 
 Array = NDArray[np.float64]
-ORDER = 4  # highest that is tried
 _LEAST = 1e-100  # deviation: a derivative over it must still have a square
 _STATIONARY = 1.0 - 1e-9  # largest modulus of a pole; beyond, a first sample would have no variance
 _FAR = 4.0  # robust deviations at which a sample of a heavy tail is held while correlations are estimated
@@ -194,24 +193,6 @@ class Whitening:
         return np.concatenate(rows)
 
 
-def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Stretches without a gap.
-
-    Parameters
-    ----------
-    present : ndarray of bool, shape (n,)
-
-    Returns
-    -------
-    list of tuple of int
-        First and one past the last, as positions among the samples that are present.
-    """
-    where = np.flatnonzero(present)
-    breaks = np.flatnonzero(np.diff(where) > 1) + 1
-    ends = [0, *breaks.tolist(), len(where)]
-    return [(a, b) for a, b in pairwise(ends) if b > a]
-
-
 def white(residual: Mapping[str, Array]) -> dict[str, Noise]:
     """White Gaussian noise of the size of residuals, (m,) by output."""
     return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or _LEAST) for o, e in residual.items()}
@@ -219,7 +200,7 @@ def white(residual: Mapping[str, Array]) -> dict[str, Noise]:
 
 def estimate(
     residual: Array, present: NDArray[np.bool_], order: int = ORDER, calm: NDArray[np.bool_] | None = None,
-    freedom: float | None = None,
+    freedom: float | None = None, colour: Array | None = None,
 ) -> Noise:  # fmt: skip
     """Noise of a residual; its order is chosen by BIC, and so are heavy tails.
 
@@ -234,12 +215,14 @@ def estimate(
         samples tell it; without them noise is Gaussian.
     freedom : float, optional
         Of the distribution of innovations, where it is known; estimated otherwise.
+    colour : ndarray, shape (p,), optional
+        Coefficients of the autoregression, where they are known; estimated otherwise.
 
     Returns
     -------
     Noise
     """
-    noise = _gaussian(residual, present, order)
+    noise = _gaussian(residual, present, order, colour)
     if calm is None:
         return noise
 
@@ -252,70 +235,15 @@ def estimate(
         return noise
     # far samples make colour look weaker than it is
     far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
-    noise = _gaussian(np.clip(residual, -far, far), present, order)
+    noise = _gaussian(np.clip(residual, -far, far), present, order, colour)
     freedom, scale = heavy_tails(noise.whiten(residual, present)[calm], freedom or tails(noise))
     return Noise(noise.coefficients, (noise.deviation * scale) or _LEAST, freedom)
 
 
-def _gaussian(residual: Array, present: NDArray[np.bool_], order: int) -> Noise:
-    if order == 0 or not residual.any():
-        return white({"": residual})[""]
-    ends, n = segments(present), len(residual)
-    lags = range(min(order, max(n // 10, 0)) + 1)
-    covariance = [sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k) for k in lags]
-    coefficients, _ = yule_walker(np.array(covariance) / n, n)
+def _gaussian(residual: Array, present: NDArray[np.bool_], order: int, colour: Array | None) -> Noise:
+    coefficients = colour_of(residual, present, order) if colour is None else colour
     innovation = Noise(coefficients, 1.0).whiten(residual, present)
     return Noise(coefficients, float(np.sqrt(np.mean(innovation**2))) or _LEAST)
-
-
-def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:
-    """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        A series; its mean is taken as zero.
-    most : int
-        Highest order considered.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (p,)
-        ``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]``.
-    variance : float
-        Of the innovations w.
-    """
-    n = len(values)
-    most = min(most, max(n // 10, 0))
-    return yule_walker(np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n, n)
-
-
-def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
-    """Fit a stationary autoregression to a covariance, its order chosen by BIC.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (m + 1,)
-        At the first lags; its length gives the highest order considered.
-    n : int
-        Samples that it is of.
-
-    Returns
-    -------
-    coefficients, variance
-        As of :func:`autoregression`.
-    """
-    best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
-    if covariance[0] <= 0.0:
-        return best
-    least = n * np.log(covariance[0])
-    for order in range(1, len(covariance)):
-        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-        coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
-        variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
-        if variance > 0.0 and (bic := n * np.log(variance) + order * np.log(n)) < least:
-            least, best = bic, (coefficients, variance)
-    return best
 
 
 def noise_std(values: Array, differences: int = 2) -> float:

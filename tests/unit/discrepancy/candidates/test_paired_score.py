@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from orchestration.discrepancy.validation.paired_score import Innovations, paired_score
+from orchestration.discrepancy.candidates.paired_score import Innovations, paired_score
 from tests.support.cubic_regression import BLOCKS, COUNT, PER_BLOCK, drawn_scores, regression
 
 

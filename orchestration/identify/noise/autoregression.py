@@ -1,0 +1,117 @@
+"""Autoregressions: the colour of what a simulation leaves (Box and Jenkins), estimated by Yule and Walker.
+
+What comes and goes no more than twice in a record is left out of it: that is for the simulation.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, idct
+
+Array = NDArray[np.float64]
+ORDER = 4  # highest that is tried
+_SLOWEST = 4  # half periods in a record
+
+
+def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Stretches without a gap.
+
+    Parameters
+    ----------
+    present : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    list of tuple of int
+        First and one past the last, as positions among the samples that are present.
+    """
+    where = np.flatnonzero(present)
+    breaks = np.flatnonzero(np.diff(where) > 1) + 1
+    ends = [0, *breaks.tolist(), len(where)]
+    return [(a, b) for a, b in pairwise(ends) if b > a]
+
+
+def colour_of(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -> Array:
+    """Coefficients of the autoregression of a residual, its order chosen by BIC.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (m,)
+    present : ndarray of bool, shape (n,)
+        Where it was measured; m of them.
+    order : int
+        Highest that is considered.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+    """
+    if order == 0 or not residual.any():
+        return np.empty(0)
+    ends, n, fast = segments(present), len(residual), residual - _slow(residual)
+    lags = range(min(order, max(n // 10, 0)) + 1)
+    covariance = [sum(float(fast[a : b - k] @ fast[a + k : b]) for a, b in ends if b - a > k) for k in lags]
+    return yule_walker(np.array(covariance) / n, n)[0]
+
+
+def _slow(residual: Array) -> Array:
+    """What of a residual comes and goes no more often than so many times in the record: that is for the simulation.
+
+    An autoregression with a pole near one would take an offset, or a slow error, for noise.
+    """
+    spectrum = dct(residual, norm="ortho")
+    spectrum[_SLOWEST:] = 0.0
+    return np.asarray(idct(spectrum, norm="ortho"))
+
+
+def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:
+    """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        A series; its mean is taken as zero.
+    most : int
+        Highest order considered.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (p,)
+        ``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]``.
+    variance : float
+        Of the innovations w.
+    """
+    n = len(values)
+    most = min(most, max(n // 10, 0))
+    return yule_walker(np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n, n)
+
+
+def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
+    """Fit a stationary autoregression to a covariance, its order chosen by BIC.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (m + 1,)
+        At the first lags; its length gives the highest order considered.
+    n : int
+        Samples that it is of.
+
+    Returns
+    -------
+    coefficients, variance
+        As of :func:`autoregression`.
+    """
+    best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
+    if covariance[0] <= 0.0:
+        return best
+    least = n * np.log(covariance[0])
+    for order in range(1, len(covariance)):
+        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
+        coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
+        variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
+        if variance > 0.0 and (bic := n * np.log(variance) + order * np.log(n)) < least:
+            least, best = bic, (coefficients, variance)
+    return best

@@ -1,0 +1,128 @@
+"""In which order effects come: by how near their simulations are, and not by what a noise model makes of the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.kit import Effect, Parameter
+from fmus.kit.functions import cos
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.candidates.told_apart import told_apart
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.selection.ranking import ranked
+from orchestration.discrepancy.selection.scoring import score
+from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.stepwise import select
+from tests.support.regression_model import COUNT, GAIN, SPREAD, STEP, Amplifier
+
+
+def effect(name, shape):
+    """Some of a function of the signal more, in volts."""
+
+    def amplified(self):
+        return super(made, self).amplified() + getattr(self, name) * shape(self.signal)
+
+    amplified.__doc__ = "Add it."
+    declared = Parameter(0.0, "V", min=-1e3, max=1e3, nominal=0.1, doc="how much of it")
+    made = type(name.title(), (Effect,), {
+        "__doc__": "More of a shape.", "__module__": __name__, "id": name, "assumption": "nothing is added",
+        "neutral": name, name: declared, "amplified": amplified,
+    })  # fmt: skip
+    return made
+
+
+def slow(s):
+    return s * s - 1.5
+
+
+def quick(s):
+    return cos(40.0 * s)
+
+
+NEAR, FAR = effect("near", slow), effect("far", quick)
+
+
+def two_parts(seed, quick_part=0.6, count=COUNT):
+    """A signal that goes to and fro a few times; what is hidden has a slow part and a lesser quick one."""
+    random = np.random.default_rng(seed)
+    signal = 1.7 * np.sin(2.0 * np.pi * np.arange(count) / 180.0)
+    hidden = slow(signal) + quick_part * quick(signal)
+    shown = GAIN * signal + hidden + SPREAD * random.standard_normal(count)
+    return Dataset(STEP * np.arange(count), {"signal": signal}, {"shown": shown})
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_nearer_simulation_comes_first_though_a_colour_whitens_what_the_other_leaves(seed):
+    """An autoregression predicts the slow part, so that what simulates the quick one has the smaller innovations."""
+    data = two_parts(seed)
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    scored = score(search, base, [NEAR, FAR])
+    found = ranked(search, base, [scored], [NEAR, FAR])
+    own = {f.effect: search.fit_from(f.candidate, f) for f, _ in found}
+    assert own[FAR].fit.bic < own[NEAR].fit.bic  # otherwise this record shows nothing
+    assert [f.effect for f, _ in found] == [NEAR, FAR]
+    columns = {NEAR: slow, FAR: quick}
+    by_regression = {
+        e: np.linalg.lstsq(
+            np.column_stack([data.inputs["signal"], shape(data.inputs["signal"])]), data.measured["shown"]
+        )[1][0]
+        for e, shape in columns.items()
+    }
+    assert by_regression[NEAR] < by_regression[FAR]
+
+
+def test_all_are_held_against_each_other_in_one_noise():
+    data = two_parts(3)
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    (first, _), (second, _) = ranked(search, base, [score(search, base, [NEAR, FAR])], [NEAR, FAR])
+    assert first.fit.noise["shown"].coefficients == pytest.approx(second.fit.noise["shown"].coefficients)
+    assert first.fit.noise["shown"].deviation < second.fit.noise["shown"].deviation
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.05, ["near"]), (0.25, ["near", "far"])])
+def test_a_second_cause_takes_away_a_tenth_of_what_was_wrong(share, named):
+    """However much evidence there is for less: a form that is not quite right leaves as much."""
+    data = two_parts(4, 0.0)
+    signal = data.inputs["signal"]
+    of = np.column_stack([signal, slow(signal)])
+    across = quick(signal) - of @ np.linalg.lstsq(of, quick(signal))[0]
+    alone = slow(signal) - signal * (signal @ slow(signal)) / (signal @ signal)
+    size = np.sqrt(share / (1.0 - share) * np.mean(alone**2) / np.mean(across**2))
+    shown = data.measured["shown"] + size * across
+    assert size * np.std(across) > 2.0 * SPREAD  # there is evidence for it
+    search = Search(Dataset(data.time, data.inputs, {"shown": shown}), Amplifier, ["gain"])
+    selection = select(search, [NEAR, FAR])
+    assert [step.chosen.effect_name for step in selection.steps] == named
+    assert selection.unsure == ({"far"} - {*named})
+
+
+def fitted(data, effects):
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    return {f.effect: f for f, _ in ranked(search, base, [score(search, base, effects)], effects)}
+
+
+def test_models_that_are_wrong_in_turn_are_not_told_apart():
+    """One follows the record where the other does not: who is nearer in all hangs on how long each stretch is."""
+    stretch = np.repeat(np.arange(8), COUNT // 8)
+    random = np.random.default_rng(6)
+    signal = random.standard_normal(COUNT)
+    one, other = effect("one", lambda s: s * s - 1.0), effect("other", lambda s: s * s * s - 3.0 * s)
+    odd = signal**3 - 3.0 * signal
+    hidden = np.where(stretch % 2 == 0, 1.05 * (signal**2 - 1.0), odd / np.sqrt(3.0))
+    shown = GAIN * signal + hidden + SPREAD * random.standard_normal(COUNT)
+    both = fitted(Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown}), [one, other])
+    better, worse = sorted(both.values(), key=lambda f: f.fit.bic)
+    assert worse.fit.bic - better.fit.bic > 6.0  # by the criterion there is strong evidence
+    assert not told_apart(better, worse)
+
+
+def test_a_model_that_is_nearer_all_along_is_told_apart():
+    data = two_parts(7)
+    both = fitted(data, [NEAR, FAR])
+    assert isinstance(both[NEAR], FittedCandidate)
+    assert told_apart(both[NEAR], both[FAR])
+    assert not told_apart(both[FAR], both[NEAR])
