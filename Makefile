@@ -32,7 +32,7 @@ clean-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.public
 
 hidden-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.hidden
+	$(BIN)/python -m benchmarks.hidden --out docs/hidden-records.md
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2

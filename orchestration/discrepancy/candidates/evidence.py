@@ -48,15 +48,16 @@ class FittedCandidate:
         extra = len(self.candidate.effects) - len(base.candidate.effects)
         return base.fit.bic - self.fit.bic - 2.0 * extra * float(np.log(max(tried, 1)))
 
-    def robust_fall(self, base: FittedCandidate, tried: int) -> float:
+    def robust_fall(self, base: FittedCandidate, tried: int, beyond: float = 0.0) -> float:
         """Return the same if noise is not of the level and the colour that a likelihood takes it to be.
 
         The likelihood ratio is as much too large as the effect's strength scatters more, in variance, than the
-        likelihood says (Kent, Biometrika 69, 1982); that is told by White's covariance.
+        likelihood says (Kent, Biometrika 69, 1982); that is told by White's covariance. ``beyond`` is evidence that
+        the likelihood of the base hides.
         """
         excess = self.fit.excess_variance[self.problem.names.index(own_parameters(self.effect)[0])]
-        ratio = base.fit.deviance - self.fit.deviance
-        return self.delta_bic(base, tried) - ratio * (1.0 - 1.0 / excess)
+        ratio = base.fit.deviance - self.fit.deviance + beyond
+        return self.delta_bic(base, tried) + beyond - ratio * (1.0 - 1.0 / excess)
 
     def is_nearer_than(self, base: FittedCandidate) -> bool:
         """Whether its free run is nearer to the record, in the geometric mean over outputs; else mere noise fits.
@@ -70,9 +71,9 @@ class FittedCandidate:
         ]
         return float(np.prod(ratios)) < 1.0
 
-    def p_value(self, base: FittedCandidate, tried: int) -> float:
+    def p_value(self, base: FittedCandidate, tried: int, beyond: float = 0.0) -> float:
         """Probability of such a likelihood ratio without the effect, times the number of candidates."""
-        ratio = base.fit.deviance - self.fit.deviance
+        ratio = base.fit.deviance - self.fit.deviance + beyond
         freedom = max(self.fit.parameters - base.fit.parameters, 1)
         return float(min(1.0, tried * chi2.sf(max(ratio, 0.0), freedom)))
 

@@ -104,7 +104,8 @@ def analyse_residuals(model: FittedCandidate, data: Dataset) -> dict[str, Residu
 
 def has_structure(model: FittedCandidate, data: Dataset) -> bool:
     """Whether a model leaves in some output what noise does not; parameters are those of :func:`analyse_residuals`."""
-    return any(analysis.structure for analysis in analyse_residuals(model, data).values())
+    left = analyse_residuals(model, data).values()
+    return any(analysis.structure or analysis.lines or analysis.level_shifts for analysis in left)
 
 
 def _analyse(model: FittedCandidate, output: str, data: Dataset, signals: list[Regressor]) -> ResidualAnalysis:

@@ -20,7 +20,6 @@ from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.method import ALIKE, AS_IT_STANDS
 
-DOMINATED = 0.2  # of what the nearest has gained, below which a few steps show that no more will come of a fit
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 Ranked = list[tuple[FittedCandidate, float]]
@@ -85,8 +84,7 @@ def _glance(
 
     glanced = [min(several, key=_bic) for several in side_by_side(one, list(starts)) if several]
     to_the_end = replace(plain, method=ALIKE)
-    most = max((below.fit.bic - f.fit.bic for f in [*glanced, *seen.values()]), default=0.0)
-    best = sorted((f for f in glanced if below.fit.bic - f.fit.bic > DOMINATED * most), key=_bic)[:PROMISING]
+    best = sorted(glanced, key=_bic)[:PROMISING]
     ended = side_by_side(lambda f: _again(to_the_end, f), best)
     seen |= {f.effect: f for f in [*glanced, *filter(None, ended)]}
 

@@ -25,6 +25,7 @@ from orchestration.discrepancy.selection.stepwise import (
     Selection,
     Step,
     interchangeable,
+    loses_memory,
     takes_enough,
 )
 
@@ -75,7 +76,7 @@ def _revised_once(search: Search, selection: Selection, effects: Sequence[type[E
         without = _fitted(search, best, kept)
         if without is None:
             continue
-        if best.delta_bic(without, selection.tried) <= ACCEPT:
+        if best.delta_bic(without, selection.tried) <= ACCEPT and not loses_memory(without, best):
             return _chain(search, selection, without)
         if all(interchangeable(effect, other) for other in kept):
             continue  # shapes of one cause
@@ -129,6 +130,8 @@ def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selec
     for below, model in pairwise(models):
         evidence, p_value = model.delta_bic(below, selection.tried), model.p_value(below, selection.tried)
         known = next((s for s in selection.steps if s.chosen.effect is model.effect), None)
+        if known and loses_memory(below, model):
+            evidence, p_value = max((evidence, p_value), (known.evidence, known.p_value))
         steps.append(
             replace(known, chosen=model, evidence=evidence, p_value=p_value)
             if known

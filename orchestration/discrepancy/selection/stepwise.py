@@ -23,6 +23,7 @@ SECONDARY = 0.2  # of the evidence for the first effect, below which another is 
 MOST = 3  # effects that are looked for
 CHANCES = 3  # candidates that are fitted in noise of their own, the best first, until one is sure
 EXPLAINED = 0.1  # of the error of the base beyond noise
+SHORT = 5.0  # memory that is none: the variance of noise over that of its innovations
 # A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
 # would add to that tells little. Where one held this close to nominal (in the logarithm) is this much less likely,
 # effects are looked at from both.
@@ -186,44 +187,73 @@ def _named(search: Search, selection: Selection, tried: Ranked, looked_at: int) 
     """The best of the candidates of which there is evidence in noise of its own, too, and what is as good."""
     below, unsure = selection.best, set[str]()
     threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].evidence if selection.steps else 0.0)
-    for best, in_one_noise in tried[:CHANCES]:
-        if in_one_noise <= threshold:
+    for candidate, gain in _in_turn(tried)[:CHANCES]:
+        if gain <= threshold:
             break
-        # the criterion is sure of itself where one of the models is right; where none is, the record has to be
-        sure = not has_structure(best, search.data)
-        close = [
-            (e, g)
-            for e, g in tried
-            if in_one_noise - g < ALTERNATIVE or (g > ACCEPT and not sure and not told_apart(best, e))
-        ]
-        # an effect of measuring takes no credit for what physics explains as well
-        candidate, gain = next((row for row in close if not row[0].effect.output), (best, in_one_noise))
         try:
             chosen = search.fit_from(candidate.candidate, candidate)
         except FAILURES:
             continue
         below = search.nested(below, chosen)
-        evidence = chosen.delta_bic(below, looked_at)
+        beyond = 0.0
+        if loses_memory(below, candidate):  # noise of its own lets the model without it off too easily
+            chosen, beyond = candidate, gain - candidate.delta_bic(below, looked_at)
+        evidence = chosen.delta_bic(below, looked_at) + beyond
         if evidence <= threshold:
             continue
-        if chosen.robust_fall(below, looked_at) <= ACCEPT or not chosen.is_nearer_than(below):
-            unsure.add(chosen.effect_name)
-            continue
-        if (
-            selection.steps
-            and not _is_shape_of(chosen.effect, selection)
-            and not takes_enough(selection.base, selection.best, chosen)
-        ):
+        if not _is_sure(selection, below, chosen, looked_at, beyond):
             unsure.add(chosen.effect_name)
             continue
         others = [(e, g) for e, g in tried if e is not candidate and not interchangeable(e.effect, chosen.effect)]
-        alike = {e.effect_name for e, _ in close}
+        # the criterion is sure of itself where one of the models is right; where none is, the record has to be
+        certain = not has_structure(candidate, search.data)
+        alike = {
+            e.effect_name for e, g in others
+            if gain - g < ALTERNATIVE or (g > ACCEPT and not certain and not told_apart(candidate, e))
+        }  # fmt: skip
         step = Step(
-            chosen, gain, evidence, chosen.p_value(below, looked_at), [e for e, _ in others if e.effect_name in alike],
+            chosen, gain, evidence, chosen.p_value(below, looked_at, beyond),
+            [e for e, _ in others if e.effect_name in alike],
             [(e, g) for e, g in others if e.effect_name not in alike], gains={e.effect_name: g for e, g in tried},
         )  # fmt: skip
         return _Found(step, below, tried, unsure)
     return _Found(None, below, tried, unsure)
+
+
+def _in_turn(tried: Ranked) -> Ranked:
+    """Candidates in the order in which they are asked: one of measuring takes no credit for what physics explains, too.
+
+    What physics explains as well comes before the best, if that is of measuring.
+    """
+    best = tried[0][1] if tried else 0.0
+    return sorted(tried, key=lambda row: (best - row[1] >= ALTERNATIVE, bool(row[0].effect.output)))
+
+
+def loses_memory(below: FittedCandidate, richer: FittedCandidate) -> bool:
+    """Whether next to nothing of the memory is left in what a model leaves, that is long without an effect.
+
+    An autoregression with hindsight follows a slow error better than a simulation whose form is not quite right. But
+    noise that has a long memory keeps it whatever is simulated: of a random walk an offset and a drift take away all
+    but 2/15 of the mean square, and what is left walks still.
+    """
+    before, after = _memory(below), _memory(richer)
+    return any(after[o] < SHORT and after[o] < EXPLAINED * before[o] for o in after)
+
+
+def _memory(fitted: FittedCandidate) -> dict[str, float]:
+    """Mean square of a residual over that of its innovations, by output."""
+    fit = fitted.fit
+    return {o: power(fit.residual[o]) / (power(fit.innovation[o]) * n.deviation**2) for o, n in fit.noise.items()}
+
+
+def _is_sure(
+    selection: Selection, below: FittedCandidate, chosen: FittedCandidate, looked_at: int, beyond: float
+) -> bool:
+    """Whether there is evidence whatever the noise, for a nearer simulation, and of another cause for enough."""
+    if chosen.robust_fall(below, looked_at, beyond) <= ACCEPT or not chosen.is_nearer_than(below):
+        return False
+    first = not selection.steps or _is_shape_of(chosen.effect, selection)
+    return first or takes_enough(selection.base, selection.best, chosen)
 
 
 def _is_shape_of(effect: type[Effect], selection: Selection) -> bool:

@@ -1,7 +1,4 @@
-"""Autoregressions: the colour of what a simulation leaves (Box and Jenkins), estimated by Yule and Walker.
-
-What comes and goes no more than twice in a record is left out of it: that is for the simulation.
-"""
+"""Autoregressions: the colour of what a simulation leaves (Box and Jenkins), estimated by Yule and Walker."""
 
 from __future__ import annotations
 
@@ -9,11 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
 
 Array = NDArray[np.float64]
 ORDER = 4  # highest that is tried
-_SLOWEST = 4  # half periods in a record
 
 
 def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -51,20 +46,10 @@ def colour_of(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -
     """
     if order == 0 or not residual.any():
         return np.empty(0)
-    ends, n, fast = segments(present), len(residual), residual - _slow(residual)
+    ends, n = segments(present), len(residual)
     lags = range(min(order, max(n // 10, 0)) + 1)
-    covariance = [sum(float(fast[a : b - k] @ fast[a + k : b]) for a, b in ends if b - a > k) for k in lags]
+    covariance = [sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k) for k in lags]
     return yule_walker(np.array(covariance) / n, n)[0]
-
-
-def _slow(residual: Array) -> Array:
-    """What of a residual comes and goes no more often than so many times in the record: that is for the simulation.
-
-    An autoregression with a pole near one would take an offset, or a slow error, for noise.
-    """
-    spectrum = dct(residual, norm="ortho")
-    spectrum[_SLOWEST:] = 0.0
-    return np.asarray(idct(spectrum, norm="ortho"))
 
 
 def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:

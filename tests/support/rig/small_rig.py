@@ -53,7 +53,8 @@ class SmallRig:
     """A rig server in a thread.
 
     `heard` is every request, `applied` every pair of a clock and the inputs that were applied from then on. A test may
-    set `answers`, `publishes`, `measures` to False, or change `state`, `reason`, `client`, `period`, at any time.
+    set `answers`, `publishes`, `measures` to False, or change `state`, `reason`, `client`, `period`, at any time; what
+    is in `then`, by number, is done before that exchange is answered.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class SmallRig:
         self.state, self.reason, self.client, self.session = "idle", "", "", ""
         self.answers = self.publishes = self.measures = True
         self.heard: list[dict[str, Any]] = []
+        self.then: dict[int, Callable[[], object]] = {}
         self.applied: list[tuple[float, dict[str, float]]] = []
         self._commands = dict.fromkeys(inputs, 0.0)
         self._order: tuple[list[str], list[str]] = ([], [])
@@ -180,6 +182,7 @@ class SmallRig:
         return {"type": "accepted", "session": self.session, **self._about(), **self._newest(now)}
 
     def _exchange(self, message: dict[str, Any]) -> dict[str, Any] | None:
+        self.then.get(message["sequence"], lambda: None)()
         if message["session"] != self.session:
             return {"type": "refused", "reason": "no such session"}
         if message["sequence"] <= self._last:

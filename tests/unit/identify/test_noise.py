@@ -147,15 +147,6 @@ def test_noise_that_is_gaussian_as_a_whole_is_gaussian_whatever_a_part_of_it_loo
     assert estimate(heavy, everywhere, 0, np.arange(n) % 2 == 0).freedom < 5.0
 
 
-@pytest.mark.parametrize("slow", [lambda k: np.full_like(k, 2.0), lambda k: 4.0 * k, lambda k: np.cos(2.0 * np.pi * k)])
-def test_what_is_slow_is_not_taken_for_the_colour_of_noise(slow):
-    """White noise stays white beside an offset, a drift or a single wave, which a pole near one would follow."""
-    random = np.random.default_rng(7)
-    values = random.standard_normal(2000) + slow(np.arange(2000) / 2000.0)
-    assert autoregression(values)[0].sum() > 0.6  # otherwise this shows nothing
-    assert abs(estimate(values, np.ones(2000, dtype=bool)).coefficients.sum()) < 0.1
-
-
 def test_a_colour_that_is_known_is_kept_and_the_deviation_is_the_likeliest():
     values = np.random.default_rng(8).standard_normal(500)
     found = estimate(values, np.ones(500, dtype=bool), colour=np.array([0.8]))

@@ -54,6 +54,9 @@ def experiment(tmp_path):
     return write
 
 
+SOME = 12  # exchanges, after which something happens: counted, as a loaded machine takes its time
+
+
 def record(rig, folder, stimulus, *more, out="run.nc"):
     return here("rig", "record", "--stimulus", stimulus, "--out", out, "--endpoint", rig.endpoint, *more, cwd=folder)
 
@@ -164,7 +167,7 @@ def test_what_is_not_measured_any_more_is_a_gap(tmp_path, experiment):
 def test_an_old_value_never_looks_fresh(tmp_path, experiment):
     """The rig goes on answering with a value that grows older, which belongs to no command any more."""
     with SmallRig() as rig:
-        threading.Timer(1.0, lambda: setattr(rig, "measures", False)).start()
+        rig.then[SOME] = lambda: setattr(rig, "measures", False)
         data = recorded(rig, tmp_path, experiment(2.0))
     assert np.isnan(data.voltage.values[-5:]).all()
     assert np.isfinite(data.current.values[-5:]).any()
@@ -329,7 +332,7 @@ def incomplete(done, folder, *parts, out="run.nc", code=2):
 
 def test_the_safe_state_ends_it(tmp_path, experiment):
     with SmallRig() as rig:
-        threading.Timer(0.8, lambda: rig.safe("voltage 1.01 V is above 1 V")).start()
+        rig.then[SOME] = lambda: rig.safe("voltage 1.01 V is above 1 V")
         done = record(rig, tmp_path, experiment(5.0))
     data = incomplete(done, tmp_path, "safe state", "voltage 1.01 V is above 1 V", "run.nc holds")
     assert "voltage 1.01 V is above 1 V" in data.attrs["failure"]
@@ -338,26 +341,33 @@ def test_the_safe_state_ends_it(tmp_path, experiment):
 def test_a_refused_command_ends_it(tmp_path, experiment):
     with SmallRig() as rig:
         tight = {**LIMITS, "current": {"min": -0.1, "max": 0.1, "rate": None}}
-        threading.Timer(0.8, lambda: setattr(rig, "limits", tight)).start()
+        rig.then[SOME] = lambda: setattr(rig, "limits", tight)
         done = record(rig, tmp_path, experiment(5.0))
     incomplete(done, tmp_path, "refused a command", "beyond its limit")
 
 
 def test_a_lost_link_ends_it(tmp_path, experiment):
     with SmallRig() as rig:
-        threading.Timer(0.8, lambda: setattr(rig, "answers", False)).start()
+        rig.then[SOME] = lambda: setattr(rig, "answers", False)
         began = time.monotonic()
         done = record(rig, tmp_path, experiment(30.0))
-        assert time.monotonic() - began < 15.0  # 0.8 s, the second of silence, and what a loaded machine needs besides
+        assert time.monotonic() - began < 15.0  # 0.6 s, the second of silence, and what a loaded machine needs besides
     data = incomplete(done, tmp_path, "no answer from tcp://")
     assert np.isnan(data.voltage.values[-3:]).all()
     assert np.isnan(data.current.values[-3:]).all()  # nobody knows what was applied
 
 
+def kills(server, journal):
+    """End a server once a journal has rows."""
+    while not (journal.exists() and len(journal.read_text().splitlines()) > SOME):
+        time.sleep(0.02)
+    server.kill()
+
+
 def test_a_server_that_is_killed(tmp_path, experiment):
     port = free_port()
     with small_rig_process(port) as server:
-        threading.Timer(1.5, server.kill).start()
+        threading.Thread(target=kills, args=(server, tmp_path / "run.nc.part.csv"), daemon=True).start()
         path = experiment(30.0)
         done = here(
             "rig", "record", "--stimulus", path, "--out", "run.nc", "--endpoint", f"tcp://127.0.0.1:{port}",
@@ -368,7 +378,7 @@ def test_a_server_that_is_killed(tmp_path, experiment):
 
 def test_a_server_that_was_started_again_knows_no_such_session(tmp_path, experiment):
     with SmallRig() as rig:
-        threading.Timer(0.8, lambda: setattr(rig, "session", "another")).start()
+        rig.then[SOME] = lambda: setattr(rig, "session", "another")
         done = record(rig, tmp_path, experiment(5.0))
     incomplete(done, tmp_path, "no such session")
 

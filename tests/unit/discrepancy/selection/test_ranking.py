@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,10 +12,12 @@ from fmus.kit.functions import cos
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.candidates.told_apart import told_apart
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.selection import ranking
 from orchestration.discrepancy.selection.ranking import ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.selection.stepwise import select
+from orchestration.discrepancy.selection.stepwise import loses_memory, select
+from orchestration.identify.noise.model import estimate
 from tests.support.regression_model import COUNT, GAIN, SPREAD, STEP, Amplifier
 
 
@@ -105,7 +109,17 @@ def fitted(data, effects):
     return {f.effect: f for f, _ in ranked(search, base, [score(search, base, effects)], effects)}
 
 
-def test_models_that_are_wrong_in_turn_are_not_told_apart():
+@pytest.mark.parametrize(("quick_part", "fitted"), [(0.6, {NEAR, FAR}), (0.0, {NEAR})])
+def test_all_are_fitted_where_the_promising_leave_structure(monkeypatch, quick_part, fitted):
+    monkeypatch.setattr(ranking, "PROMISING", 1)
+    data = two_parts(8, quick_part)
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    found = ranked(search, base, [score(search, base, [NEAR, FAR])], [NEAR, FAR])
+    assert {f.effect for f, _ in found} == fitted
+
+
+def wrong_in_turn():
     """One follows the record where the other does not: who is nearer in all hangs on how long each stretch is."""
     stretch = np.repeat(np.arange(8), COUNT // 8)
     random = np.random.default_rng(6)
@@ -114,10 +128,19 @@ def test_models_that_are_wrong_in_turn_are_not_told_apart():
     odd = signal**3 - 3.0 * signal
     hidden = np.where(stretch % 2 == 0, 1.05 * (signal**2 - 1.0), odd / np.sqrt(3.0))
     shown = GAIN * signal + hidden + SPREAD * random.standard_normal(COUNT)
-    both = fitted(Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown}), [one, other])
-    better, worse = sorted(both.values(), key=lambda f: f.fit.bic)
+    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown}), [one, other]
+
+
+def test_models_that_are_wrong_in_turn_are_not_told_apart():
+    better, worse = sorted(fitted(*wrong_in_turn()).values(), key=lambda f: f.fit.bic)
     assert worse.fit.bic - better.fit.bic > 6.0  # by the criterion there is strong evidence
     assert not told_apart(better, worse)
+
+
+def test_what_is_not_told_apart_is_an_alternative():
+    data, effects = wrong_in_turn()
+    first = select(Search(data, Amplifier, ["gain"]), effects).steps[0]
+    assert len(first.alternatives) == 1
 
 
 def test_a_model_that_is_nearer_all_along_is_told_apart():
@@ -126,3 +149,36 @@ def test_a_model_that_is_nearer_all_along_is_told_apart():
     assert isinstance(both[NEAR], FittedCandidate)
     assert told_apart(both[NEAR], both[FAR])
     assert not told_apart(both[FAR], both[NEAR])
+
+
+def left_by_a_model(residual):
+    """What a fitted model is asked for here: its residual, and the noise that is estimated from it."""
+    every = np.ones(residual.size, dtype=bool)
+    noise = estimate(residual, every)
+    fit = SimpleNamespace(residual={"y": residual}, noise={"y": noise}, innovation={"y": noise.whiten(residual, every)})
+    return SimpleNamespace(fit=fit)
+
+
+@pytest.mark.parametrize("count", [300, 1000, 4000])
+def test_a_random_walk_keeps_its_memory_whatever_is_simulated(count):
+    """An offset, a drift and two waves are taken away from it: an autoregression might be let off for none."""
+    time = np.linspace(0.0, 1.0, count)
+    waves = [f(2.0 * np.pi * time) for f in (np.cos, np.sin)]
+    seen = []
+    for seed in range(40):
+        walk = np.cumsum(np.random.default_rng(seed).standard_normal(count))
+        for table in (np.column_stack([np.ones(count), time]), np.column_stack([np.ones(count), time, *waves])):
+            left = walk - table @ np.linalg.lstsq(table, walk)[0]
+            seen.append(loses_memory(left_by_a_model(walk), left_by_a_model(left)))
+    assert np.mean(seen) < 0.05
+
+
+def test_a_slow_error_that_is_simulated_leaves_no_memory_though_an_autoregression_followed_it_better():
+    random, time = np.random.default_rng(1), np.linspace(0.0, 1.0, 1000)
+    error, noise = 1.0 - np.exp(-time / 0.4), 0.02 * random.standard_normal(1000)
+    straight = np.column_stack([np.ones(1000), time, time**2])
+    form = straight @ np.linalg.lstsq(straight, error)[0]
+    before, after = left_by_a_model(error + noise), left_by_a_model(error - form + noise)
+    assert loses_memory(before, after)
+    assert not loses_memory(after, before)
+    assert not loses_memory(before, before)

@@ -1,0 +1,34 @@
+"""Pages of studies tell of the code as it is: they carry the digest of what drew them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import stamp
+from benchmarks.hidden import CODE, PAGE
+
+
+@pytest.mark.parametrize(("page", "code", "how"), [(PAGE, CODE, "make hidden-study")])
+def test_a_page_was_drawn_with_this_code(page, code, how):
+    said = stamp.stamped(page.read_text(encoding="utf-8"))
+    assert said == stamp.digest(code), f"{page.name} is of other code: {how} draws it anew"
+
+
+@pytest.mark.parametrize(
+    ("change", "is_another"),
+    [
+        (lambda text: text.replace('"""What it does."""', '"""What it is for."""') + "# a remark\n", False),
+        (lambda text: text.replace("1.0", "1.5"), True),
+        (lambda text: text.replace("def one", "def other"), True),
+    ],
+)
+def test_a_digest_is_of_what_code_does(tmp_path: Path, monkeypatch, change, is_another):
+    monkeypatch.setattr(stamp, "ROOT", tmp_path)
+    module = tmp_path / "code" / "module.py"
+    module.parent.mkdir()
+    module.write_text('"""A module."""\n\n\ndef one():\n    """What it does."""\n    return 1.0\n')
+    before = stamp.digest(["code"])
+    module.write_text(change(module.read_text()))
+    assert (stamp.digest(["code"]) != before) is is_another
