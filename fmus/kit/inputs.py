@@ -47,7 +47,7 @@ class _AsItArrives:
 def _feeding(
     make: Callable[..., type[Effect]], component: type[Component], name: str, arguments: tuple[Any, ...], text: str,
     arrives: Callable[[Any, Any], Any], members: dict[str, Any],
-    follows: tuple[str, Callable[[Any, Any], Any]] | None = None,
+    follows: tuple[str, Callable[[Any, Any], Any]] | None = None, family: str = "{} as it arrives",
 ) -> type[Effect]:  # fmt: skip
     """Make the effect on an input; the first parameter among the members switches it, a state may follow the input."""
     passed = _AsItArrives(name, arrives)
@@ -55,7 +55,7 @@ def _feeding(
         members[follows[0]] = lambda self: follows[1](self, passed.below(self))
     effect: type[Effect] = type(f"{make.__name__}_of_{name}".title().replace("_", ""), (Effect,), {
         "id": make.__name__,
-        "term": Term("", name, text, f"{name} as it arrives", name),
+        "term": Term("", name, text, family.format(name), name),
         "assumption": f"{name} arrives as it is commanded",
         "neutral": next(n for n, value in members.items() if isinstance(value, Declaration)),
         "made_by": make,
@@ -236,7 +236,7 @@ def backlash(component: type[Component], input: str, scale: float | None = None)
             doc=f"half of the play of {input} (d); 0 is without",
         ),
         place: State(of.unit, rate=f"{place}_rate", nominal=size, display=of.display, doc=f"{input} as passed on"),
-    }, (f"{place}_rate", rate))  # fmt: skip
+    }, (f"{place}_rate", rate), "loop of {} on its way")  # fmt: skip
 
 
 def input_lag(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
@@ -271,7 +271,7 @@ def input_lag(component: type[Component], input: str, scale: float | None = None
         share: Parameter(0.0, "1", min=0.0, max=1.0, nominal=0.3, doc=f"share of {input} that lags (p); 0 is without"),
         time: Parameter(0.1, "s", min=1e-4, max=1e6, nominal=0.1, doc="time by which it lags (T)"),
         behind: State(of.unit, rate=f"{behind}_rate", nominal=size, display=of.display, doc=f"{input} that lags"),
-    }, (f"{behind}_rate", rate))  # fmt: skip
+    }, (f"{behind}_rate", rate), "{} arriving late")  # fmt: skip
 
 
 INPUT_EFFECTS = (dead_zone, asymmetric_dead_zone, input_offset, input_saturation, backlash, input_lag)

@@ -141,11 +141,12 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
 
     The output is sampled every 20 ms into a shift register and interpolated linearly at the time that lies the delay
     ago, the present value being the newest point. That is exact for a ramp, for a smooth signal it errs by at most an
-    eighth of the period squared times the second derivative, and a jump becomes a slope over one period. Before the
-    start the output had the value that it has at the start.
+    eighth of the period squared times the second derivative, and a jump becomes a slope over one period. What is read
+    of the time before the start is a line: two states that start at 0, which is at rest at the value at the start.
     """
     delay = f"{of.name}_delay"
-    latest, instant, started = (f"{delay}_{part}" for part in ("sample", "instant", "started"))
+    latest, instant, started, begin = (f"{delay}_{part}" for part in ("sample", "instant", "started", "begin"))
+    history, slope = f"{delay}_history", f"{delay}_history_slope"
     changes = [f"{delay}_change_{k}" for k in range(1, DELAY_SAMPLES + 1)]
 
     def change_to(self: Any, value: Any) -> Any:
@@ -159,7 +160,8 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
         periods = (back - age) / DELAY_PERIOD
         for k, change in enumerate(changes):
             undone = undone + clip(periods - k, 0.0, 1.0) * getattr(self, change)
-        return value - undone
+        elapsed = where(getattr(self, started), maximum(self.time - getattr(self, begin), 0.0), 0.0)
+        return value - undone + where(back > elapsed, getattr(self, history), 0.0)
 
     def sampled(about: str, **kind: Any) -> Any:
         return Discrete(period=DELAY_PERIOD, doc=about, **kind)
@@ -176,7 +178,17 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
         latest: sampled(f"{of.name} at the latest sample", update=f"{latest}_update", **of.about()),
         instant: sampled(f"time of the latest sample of {of.name}", unit="s", update=f"{instant}_update"),
         started: sampled(f"whether {latest} is known", unit="1", type="boolean", update=f"{started}_update"),
+        begin: Discrete("s", update=f"{begin}_update", period=_ONCE, doc="time of the start"),
+        history: State(
+            rate=f"{history}_rate",
+            doc=f"{of.name} read of the time before the start, more than at the start",
+            **of.about(),
+        ),
+        slope: State(rate=f"{slope}_rate", doc=f"rate of {history}", **of.about("/s")),
         of.name: measured,
+        f"{history}_rate": value_of(slope),
+        f"{slope}_rate": lambda self: 0.0,
+        f"{begin}_update": lambda self: self.time,
         f"{latest}_update": of.below,
         f"{instant}_update": lambda self: self.time,
         f"{started}_update": lambda self: 1.0,

@@ -20,11 +20,10 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, Structure, analyse_residuals
 from orchestration.discrepancy.residuals.innovations import power
 from orchestration.discrepancy.residuals.remarks import remarks
-from orchestration.discrepancy.selection import clock, intersample
+from orchestration.discrepancy.selection import both_ways, clock, intersample
 from orchestration.discrepancy.selection.intersample import Intersample
-from orchestration.discrepancy.selection.revision import explaining, revised
 from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.discrepancy.selection.stepwise import Selection, select
+from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.confirmation import Confirmation, confirmed
 from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
@@ -201,12 +200,13 @@ def diagnose(
     physical = [name for name in free if name not in starts]
     excited = is_excited(cls, parts.estimation, fixed or {})
     inconclusive = bool(starts) and not excited  # not knowing where it starts, how it settles tells nothing
-    base, by_clock = search.nominal(), list[Note]()
+    selection, by_clock = Selection(base := search.nominal()), list[Note]()
     if not inconclusive:
         search, base, by_clock = clock.by_fit(search, base)
         search, base, chosen = intersample.by_fit(search, base, chosen)
+        way, selection = both_ways.selected(search, base, chosen, effects)
+        search, base, chosen = way.search, selection.base, way.chosen
     estimation, validation, usable = _as_taken(parts, by_clock, intersample.linear(chosen))
-    selection = Selection(base) if inconclusive else _selected(search, effects, base)
     noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     judged = confirmed(_trusted(search, selection), validation)
@@ -239,11 +239,6 @@ def diagnose(
         verdict, selection, values, changed, residuals, *errors_side_by_side(predictions, validation), estimation,
         validation, final, notes, chosen, excused, judged.confirmations,
     )  # fmt: skip
-
-
-def _selected(search: Search, effects: Sequence[type[Effect]], base: FittedCandidate) -> Selection:
-    """Effects one after another, judged together, if they explain what is wrong."""
-    return explaining(search, revised(search, select(search, effects, base), effects))
 
 
 def _as_taken(

@@ -47,7 +47,9 @@ class DelayedModel:
         others = [e for e in effects if e not in delays]
         self.layout, self._linear = cls.layout, linear
         self.delays = {effect.output: effect.neutral for effect in delays}
-        self._model = _compiled(base, tuple(others), tuple(n for n in sensitivities if n not in self.delays.values()))
+        self._histories = {e.output: {e.layout.start_of[s.name]: s.name for s in e.layout.states} for e in delays}
+        own = {p.name for effect in delays for p in effect.layout.parameters}
+        self._model = _compiled(base, tuple(others), tuple(n for n in sensitivities if n not in own))
         self._known = {p.name for p in self._model.layout.parameters}
         self._names = list(sensitivities)
 
@@ -96,23 +98,29 @@ class DelayedModel:
         now = next(places)
         signals = {name: values[now] for name, values in ran.signals.items()}
         slopes = {name: values[now] for name, values in ran.sensitivities.items()}
-        by_delay = {output: np.zeros(len(time)) for output in delays}
+        of_delays: dict[str, dict[str, Array]] = {output: {} for output in delays}
         for output, (then, near) in instants_of.items():
             at, beside = next(places), next(places)
             signals[output], slopes[output] = ran.signals[output][at], ran.sensitivities[output][at]
             apart = np.where(near == then, 1.0, near - then)
-            by_delay[output] = -(ran.signals[output][beside] - signals[output]) / apart
-        return Trajectory(signals, {name: self._complete(name, values, by_delay) for name, values in slopes.items()})
+            of_delays[output][self.delays[output]] = -(ran.signals[output][beside] - signals[output]) / apart
+            before = time - late[output] < time[0]
+            for name, line in zip(self._histories[output], (before * 1.0, before * (time - time[0])), strict=True):
+                signals[output] = signals[output] + parameters.get(name, 0.0) * line
+                of_delays[output][name] = line
+        for (level, state), (slope, rate) in (history.items() for history in self._histories.values()):
+            signals[rate] = np.full(len(time), parameters.get(slope, 0.0))
+            signals[state] = parameters.get(level, 0.0) + signals[rate] * (time - time[0])
+        return Trajectory(signals, {n: self._complete(values, of_delays.get(n, {})) for n, values in slopes.items()})
 
-    def _complete(self, signal: str, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
-        """Put the derivatives by the delays among the others."""
+    def _complete(self, slopes: Array, of_delay: Mapping[str, Array]) -> Array:
+        """Put the derivatives by what a delay of the signal brings among the others."""
         columns, others = [], iter(slopes.T)
-        of = {name: output for output, name in self.delays.items()}
         for name in self._names:
-            if name not in of:
+            if name in self._known:
                 columns.append(next(others))
             else:
-                columns.append(by_delay[signal] if of[name] == signal else np.zeros(len(slopes)))
+                columns.append(of_delay.get(name, np.zeros(len(slopes))))
         return np.column_stack(columns) if columns else slopes
 
 

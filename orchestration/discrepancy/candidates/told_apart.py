@@ -2,7 +2,8 @@
 
 The criterion of one is always the lower. Where neither model has quite the form of the truth, what it is lower by may
 come from a few stretches of the record while others say the opposite. Blocks tell how sure it is: their sum stands
-out of their scatter, or so many of them agree that chance does not do it (Wilcoxon, Biometrics Bulletin 1, 1945).
+out of their scatter, or so many of them agree that chance does not do it (Wilcoxon, Biometrics Bulletin 1, 1945). And
+where the other's free run is nearer, it hangs on the colour that the noise is given which of them is likelier.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ _LEVEL = 0.95
 
 
 def told_apart(better: FittedCandidate, other: FittedCandidate) -> bool:
-    """Whether a record is surely likelier by one fitted model than by another, in the noise of the better one."""
+    """Whether a record is surely likelier by one fitted model than by another, in whatever noise."""
+    if other.is_nearer_than(better):
+        return False
     present, pairs, samples = better.problem.present, [], []
     for output, noise in better.fit.noise.items():
         both = np.array([noise.whiten(f.fit.residual[output], present[output]) for f in (better, other)])

@@ -61,6 +61,8 @@ class Intersample:
         By how much coordinates of the model would be others, where both ways were fitted and neither is clear.
     against : Course, optional
         What the course of the input is, where something else was asked for.
+    apart : float
+        How far both ways are, in innovations of what the model leaves; 0 where nobody asked.
     """
 
     linear: bool
@@ -70,6 +72,14 @@ class Intersample:
     factor: float = 1.0
     shift: Mapping[str, float] = field(default_factory=dict)
     against: Course | None = None
+    apart: float = 0.0
+
+    @property
+    def open(self) -> bool:
+        """Whether another model might ask for the other way."""
+        if self.basis is Basis.GIVEN or (self.basis is Basis.COURSE and not self.linear):
+            return False
+        return self.apart**2 >= CLEAR
 
 
 def by_course(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
@@ -134,22 +144,33 @@ def by_fit(
         amounts = dict(zip(names, encompassing(base, others, noise), strict=True))
     except UserError:
         return search, base, chosen
+    apart = {n: _apart(base, other) for n, other in zip(names, others, strict=True)}
     asked = {n for n, amount in amounts.items() if _asked(amount)}
     assessed = {n: _assessed(choice, base, amounts.get(n)) for n, choice in chosen.items()}
-    if asked and (turned := _turned(search, base, asked)) is not None:
-        margin = base.fit.bic - turned[1].fit.bic
+    if asked and (other := turned(search, base, asked)) is not None:
+        margin = base.fit.bic - other[1].fit.bic
         if margin < CLEAR:
             assessed |= {n: replace(assessed[n], margin=-margin) for n in asked}
         else:
-            search, base = turned
+            search, base = other
             assessed |= {n: Intersample(not chosen[n].linear, Basis.FIT, margin) for n in asked}
     for name, choice in assessed.items():
         if choice.hangs:
             search, base, assessed[name] = _by_both_fits(search, base, name, choice)
-    return search, base, assessed
+    return search, base, {n: replace(choice, apart=apart.get(n, 0.0)) for n, choice in assessed.items()}
 
 
-def _turned(search: Search, base: FittedCandidate, names: Collection[str]) -> tuple[Search, FittedCandidate] | None:
+def _apart(base: FittedCandidate, other: Mapping[str, Array]) -> float:
+    """Root sum of squares, in innovations, between a model and another simulation; with no parameter in between."""
+    squares = 0.0
+    for output, noise in base.fit.noise.items():
+        measured = base.problem.measured[output] - other[output]
+        moved = measured[base.problem.present[output]] - base.fit.residual[output]
+        squares += float(moved @ moved) / float(np.mean((noise.deviation * base.fit.innovation[output]) ** 2))
+    return float(np.sqrt(squares))
+
+
+def turned(search: Search, base: FittedCandidate, names: Collection[str]) -> tuple[Search, FittedCandidate] | None:
     """The base model fitted with some inputs the other way; None if that fails."""
     now = frozenset(search.data.inputs if search.data.linear is True else search.data.linear or ())
     other = replace(search, data=replace(search.data, linear=now ^ frozenset(names)))
@@ -163,7 +184,7 @@ def _by_both_fits(
     search: Search, base: FittedCandidate, name: str, choice: Intersample
 ) -> tuple[Search, FittedCandidate, Intersample]:
     """Take the likelier way of an input on which parameters hang: what they take over is not linear in them."""
-    other = _turned(search, base, [name])
+    other = turned(search, base, [name])
     if other is None:
         return search, base, choice
     margin = other[1].fit.bic - base.fit.bic

@@ -20,6 +20,7 @@ from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.method import ALIKE, AS_IT_STANDS
 
+FEW = PROMISING // 2  # effects that tell which way to take inputs
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 Ranked = list[tuple[FittedCandidate, float]]
@@ -46,12 +47,9 @@ def ranked(
     list of tuple of FittedCandidate and float
         All in the same noise.
     """
-    starts: dict[type[Effect], list[ScreenedCandidate]] = {}
-    for candidate in sorted((c for s in scored for c in screen(s, effects)), key=lambda c: -c.predicted.fall):
-        starts.setdefault(candidate.effect, []).append(candidate)
-    promising = [e for e, several in starts.items() if several[0].predicted.fall > WORTH][:PROMISING]
-    plain = search.in_white_noise()
-    nearest = plain.fit_from(below.candidate, below)
+    starts = _starts(scored, effects)
+    promising = _promising(starts)
+    plain, nearest = _in_white_noise(search, below)
     seen: _Fitted = {}
     _glance(plain, nearest, {e: starts[e] for e in promising}, seen)
     found = _in_one_noise(search, below, nearest, seen, len(effects))
@@ -68,10 +66,51 @@ def ranked(
     return found
 
 
+def few(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[type[Effect]]:
+    """Return the few most promising effects."""
+    return _promising(_starts([scored], effects))[:FEW]
+
+
+def nearest_bic(search: Search, scored: ScoredModel, effects: Sequence[type[Effect]]) -> float:
+    """Return the BIC, in white noise and after a few steps, of what comes nearest of a model and effects over it."""
+    plain, nearest = _in_white_noise(search, scored.model)
+    return min(f.fit.bic for f in (nearest, *_glanced(plain, nearest, _starts([scored], effects))))
+
+
+def _starts(
+    scored: Sequence[ScoredModel], effects: Sequence[type[Effect]]
+) -> dict[type[Effect], list[ScreenedCandidate]]:
+    """Where the fits of every effect begin, the most promising first."""
+    starts: dict[type[Effect], list[ScreenedCandidate]] = {}
+    for candidate in sorted((c for s in scored for c in screen(s, effects)), key=lambda c: -c.predicted.fall):
+        starts.setdefault(candidate.effect, []).append(candidate)
+    return starts
+
+
+def _promising(starts: Mapping[type[Effect], Sequence[ScreenedCandidate]]) -> list[type[Effect]]:
+    return [e for e, several in starts.items() if several[0].predicted.fall > WORTH][:PROMISING]
+
+
+def _in_white_noise(search: Search, below: FittedCandidate) -> tuple[Search, FittedCandidate]:
+    plain = search.in_white_noise()
+    return plain, plain.fit_from(below.candidate, below)
+
+
 def _glance(
     plain: Search, below: FittedCandidate, starts: Mapping[type[Effect], Sequence[ScreenedCandidate]], seen: _Fitted
 ) -> None:
     """Fit effects in white noise, a few steps of each and the best to the end, and put them into `seen`."""
+    glanced = _glanced(plain, below, starts)
+    to_the_end = replace(plain, method=ALIKE)
+    best = sorted(glanced, key=_bic)[:PROMISING]
+    ended = side_by_side(lambda f: _again(to_the_end, f), best)
+    seen |= {f.effect: f for f in [*glanced, *filter(None, ended)]}
+
+
+def _glanced(
+    plain: Search, below: FittedCandidate, starts: Mapping[type[Effect], Sequence[ScreenedCandidate]]
+) -> list[FittedCandidate]:
+    """Fit effects in white noise, a few steps of each."""
     counter = Counter(plain.progress, "fitting effects", len(starts))
 
     def one(effect: type[Effect]) -> list[FittedCandidate]:
@@ -82,11 +121,7 @@ def _glance(
         counter.one_more()
         return [f for f in fitted if f]
 
-    glanced = [min(several, key=_bic) for several in side_by_side(one, list(starts)) if several]
-    to_the_end = replace(plain, method=ALIKE)
-    best = sorted(glanced, key=_bic)[:PROMISING]
-    ended = side_by_side(lambda f: _again(to_the_end, f), best)
-    seen |= {f.effect: f for f in [*glanced, *filter(None, ended)]}
+    return [min(several, key=_bic) for several in side_by_side(one, list(starts)) if several]
 
 
 def _in_one_noise(search: Search, below: FittedCandidate, plain: FittedCandidate, seen: _Fitted, number: int) -> Ranked:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component
+from fmus.kit import Component, Effect
 from fmus.kit.errors import UserError
+from fmus.kit.sensors import transport_delay
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates.candidate import Candidate, own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScreenedCandidate
@@ -119,6 +120,8 @@ class Search:
         """
         below = screened.below
         candidate = at_rest.candidate.with_effect(screened.effect)
+        if self._moving and getattr(screened.effect, "made_by", None) is transport_delay:  # it shows the time before
+            candidate = _moved(candidate, screened.effect)
         problem = self._problem(candidate)
         stepped = below.problem.values(below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE))
         starts = [problem.position(problem.start | v | screened.start) for v in (stepped, at_rest.fit.values)]
@@ -136,12 +139,8 @@ class Search:
                 start = fitted.problem.start | fitted.fit.values
                 start[name] = float(np.clip(start[name] * factor, effect.declared[name].min, effect.declared[name].max))
                 best = min(best, self._again(candidate, start, fitted), key=lambda e: e.fit.bic)
-        # whether it is known where everything starts
-        at_rest = not any(name in self.base.layout.start_parameters for name in self.parameters)
-        if effect.layout.states and not at_rest:
-            states = effect.layout.states
-            starts = (*candidate.starts, *(effect.layout.start_of[state.name] for state in states))
-            moving = replace(candidate, starts=starts)
+        if effect.layout.states and self._moving:
+            moving = _moved(candidate, effect)
             best = min(best, self._again(moving, best.problem.start | best.fit.values, best), key=lambda e: e.fit.bic)
         return best
 
@@ -217,6 +216,17 @@ class Search:
         problem.forget()  # of many candidates few are looked at again
         return fitted
 
+    @property
+    def _moving(self) -> bool:
+        """Whether it is not known where everything starts."""
+        return any(name in self.base.layout.start_parameters for name in self.parameters)
+
     def _physical(self, problem: Problem) -> NDArray[np.bool_]:
         """Which of the searched parameters have a prior."""
         return np.array([base_name(n) in self.parameters and not problem.declared[n].starts for n in problem.names])
+
+
+def _moved(candidate: Candidate, effect: type[Effect]) -> Candidate:
+    """A candidate that is not at rest: where the states of an effect start is searched, too."""
+    starts = (effect.layout.start_of[state.name] for state in effect.layout.states)
+    return replace(candidate, starts=tuple(dict.fromkeys((*candidate.starts, *starts))))

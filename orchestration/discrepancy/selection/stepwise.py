@@ -105,7 +105,7 @@ class Selection:
         return self.steps[-1].chosen if self.steps else self.base
 
 
-def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidate | None = None) -> Selection:
+def select(search: Search, effects: Sequence[type[Effect]], known: ScoredModel | None = None) -> Selection:
     """Look for effects, one at a time.
 
     Parameters
@@ -113,17 +113,18 @@ def select(search: Search, effects: Sequence[type[Effect]], base: FittedCandidat
     search : Search
     effects : sequence of type[Effect]
         The catalogue.
-    base : FittedCandidate, optional
-        The model without effects, if it is fitted already.
+    known : ScoredModel, optional
+        The model without effects, if it is known where effects would move it.
 
     Returns
     -------
     Selection
     """
-    base = base or search.nominal()
+    known = known or score(search, search.nominal(), effects)
+    base = known.model
     near = base if search.budget.spent() else search.near_nominal(NEAR_NOMINAL)
     overfitted = near.fit.deviance - base.fit.deviance > OVERFITTED
-    scored = [score(search, model, effects) for model in ([base, near] if overfitted else [base])]
+    scored = [known, *([score(search, near, effects)] if overfitted else [])]
     silent = unidentifiable(scored[0])
     search.not_assessed |= silent
     selection = Selection(base, tried=len(effects))
@@ -209,7 +210,7 @@ def _named(search: Search, selection: Selection, tried: Ranked, looked_at: int) 
         certain = not has_structure(candidate, search.data)
         alike = {
             e.effect_name for e, g in others
-            if gain - g < ALTERNATIVE or (g > ACCEPT and not certain and not told_apart(candidate, e))
+            if gain - g < ALTERNATIVE or (g > ACCEPT and not (certain or told_apart(candidate, e)))
         }  # fmt: skip
         step = Step(
             chosen, gain, evidence, chosen.p_value(below, looked_at, beyond),

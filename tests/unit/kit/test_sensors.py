@@ -30,6 +30,7 @@ from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
+from orchestration.identify.delay import DelayedModel
 from tests.support.kit_samples import Thermostat
 
 # effect -> parameter without the output in front, neutral value, another value
@@ -247,6 +248,34 @@ def test_slope_with_respect_to_a_delay():
     assert found["displacement"][:, 0] == pytest.approx(slope, abs=1e-8)
     late = time > 1.0
     assert found["displacement"][late, 0] == pytest.approx(-np.cos(time[late] - delay), abs=0.05)
+
+
+BEFORE = {"displacement_delay_history_start": -0.6, "displacement_delay_history_slope_start": 2.0}
+
+
+@pytest.mark.parametrize("start", [0.0, 1234.5])
+@pytest.mark.parametrize("delay", [0.3, 0.0])
+def test_what_is_read_of_the_time_before_the_start_is_a_line(delay, start):
+    """A ramp of 2/s that was there before the record shows 0.6 less at first, and goes on as it was."""
+    force = 5.0 + 2.0 * 0.05 * np.arange(60)
+    time, shown = measure(transport_delay, force, {"displacement_delay": delay} | BEFORE, linear=True, start=start)
+    assert shown == pytest.approx(5.0 + 2.0 * (time - start - delay), abs=1e-9)
+
+
+def test_a_model_looked_at_earlier_is_the_register_before_the_start_too():
+    """With derivatives by what was before: one, and the time since the start."""
+    cls, time = stack(PpyActuator, transport_delay(PpyActuator, "displacement")), 7.0 + 0.05 * np.arange(60)
+    inputs, given = {"force": 5.0 + 2.0 * (time - 7.0)}, SPRING | {"displacement_delay": 0.313} | BEFORE
+    known = {p.name: p.start for p in cls.layout.parameters} | given
+    looked_at = DelayedModel(cls, list(BEFORE), linear=True).run(time, inputs, known)
+    register = CompiledModel(cls, list(BEFORE)).run(time, inputs, given, linear=True)
+    before = time - 7.0 < 0.313
+    line = np.column_stack([before * 1.0, before * (time - 7.0)])
+    for ran in (looked_at, register):
+        assert ran.signals["displacement"] == pytest.approx(np.where(before, 4.4 + 2.0 * (time - 7.0), 5.0 + 2.0 * (
+            time - 7.313)), abs=1e-9)  # fmt: skip
+        assert ran.sensitivities["displacement"] == pytest.approx(line, abs=1e-9)
+        assert ran.signals["displacement_delay_history"] == pytest.approx(-0.6 + 2.0 * (time - 7.0))
 
 
 def test_gain_offset_and_drift():

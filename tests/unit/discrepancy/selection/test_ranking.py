@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fmus.kit import Effect, Parameter
 from fmus.kit.functions import cos
@@ -149,6 +150,21 @@ def test_a_model_that_is_nearer_all_along_is_told_apart():
     assert isinstance(both[NEAR], FittedCandidate)
     assert told_apart(both[NEAR], both[FAR])
     assert not told_apart(both[FAR], both[NEAR])
+
+
+@pytest.mark.parametrize(("size", "apart"), [(0.9, False), (1.1, True)])
+def test_a_rival_whose_free_run_is_nearer_is_not_told_apart(size, apart):
+    """A slow error is likelier than a white one in its own colour, however large; in white noise the nearer one is."""
+    random, every = np.random.default_rng(9), np.ones(3000, dtype=bool)
+    slow = lfilter([1.0], [1.0, -0.95], random.standard_normal(3000))
+    white = size * np.std(slow) * random.standard_normal(3000)
+    noise, weights = {"y": estimate(slow, every)}, {"y": np.ones(3000)}
+    problem = SimpleNamespace(present={"y": every})
+    better, other = (
+        FittedCandidate(None, problem, SimpleNamespace(residual={"y": left}, noise=noise, weights=weights))
+        for left in (slow, white)
+    )
+    assert told_apart(better, other) is apart
 
 
 def left_by_a_model(residual):

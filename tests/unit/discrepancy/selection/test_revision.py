@@ -13,6 +13,7 @@ from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection.revision import _chain, _fitted, explaining, revised
+from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record
@@ -127,7 +128,7 @@ def test_what_only_changes_the_noise_is_no_cause():
     data = record({"even": 1.0}, 2)
     search = Search(data, Amplifier, ["gain"])
     base = search.nominal()
-    (step,) = select(search, EFFECTS[:1], base).steps
+    (step,) = select(search, EFFECTS[:1], score(search, base, EFFECTS[:1])).steps
     assert step.chosen.is_nearer_than(base)
     assert not base.is_nearer_than(step.chosen)
     farther = replace(step.chosen, fit=replace(step.chosen.fit, residual={"shown": 1.01 * base.fit.residual["shown"]}))

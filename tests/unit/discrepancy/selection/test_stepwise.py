@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from tests.support.regression_model import (
@@ -56,7 +57,7 @@ def test_what_the_model_itself_can_do_is_no_evidence_for_more(seed):
     search = Search(offset_record(0.0, seed), Amplifier, ["gain"])
     best = search.nominal()
     lesser = replace(best, fit=replace(best.fit, deviance=best.fit.deviance + 60.0))
-    assert select(search, [OFFSET], lesser).steps == []
+    assert select(search, [OFFSET], score(search, lesser, [OFFSET])).steps == []
 
 
 @pytest.mark.parametrize("seed", [1, 2])

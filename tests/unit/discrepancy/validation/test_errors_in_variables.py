@@ -134,7 +134,7 @@ def test_what_could_not_be_held_against_noise_is_not_claimed(monkeypatch, hindra
     random = np.random.default_rng(1)
     noisy = {n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()}
     search = Search(replace(data, inputs=noisy), PpyActuator, ["R1", "R2", "C", "alpha"])
-    selection = select(search, [EFFECTS["strain_saturation"]], search.nominal())
+    selection = select(search, [EFFECTS["strain_saturation"]])
     noise = assess(search, selection.base)
     assert [step.chosen.effect_name for step in defensible(selection, search, noise)[0].steps] == ["strain_saturation"]
 
