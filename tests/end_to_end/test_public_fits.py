@@ -47,24 +47,6 @@ def test_a_cell_at_states_of_charge_that_were_not_fitted(public_data):
     assert said.gain.before["voltage"] <= 0.13
 
 
-@pytest.mark.slow
-def test_a_second_pair_of_a_cell_at_states_of_charge_that_were_not_fitted(public_data):
-    asked = question("cell", public_data, "lfp_cell_ten_pulses.csv", "lfp_cell.py:Cell")
-    more = {"runs": "pulse", "holdout": "7,8,9", "each": ["ocv"], "effects": ["families"]}
-    said = ppy.diagnose(asked.record, asked.subject, **more)
-    assert said.causes[0] == "second_kelvin"  # as the model's own file calls it
-    assert said.gain.after["voltage"] <= 0.115
-
-
-@pytest.mark.slow
-def test_the_capacitance_of_a_supercapacitor_at_another_current(public_data):
-    asked = question("3 A", public_data, "supercapacitor_maxwell_3A.csv", "supercapacitor.py:Supercap")
-    other = public_data("supercapacitor_maxwell_2p2A.csv")
-    said = ppy.diagnose(asked.record, asked.subject, holdout=other, effects=["families"])
-    assert said.causes[0] == "capacitance_of_voltage(open_voltage)"
-    assert said.gain.after["voltage"] <= 0.02
-
-
 def test_a_supercapacitor(public_data):
     no_worse(question("3 A", public_data, "supercapacitor_maxwell_3A.csv", "supercapacitor.py:Supercap"))
 
