@@ -33,7 +33,10 @@ if TYPE_CHECKING:
     from orchestration.api.diagnosis import DiagnosisResult
 
 PAGE = ROOT / "docs" / "hidden-records.md"
-CODE = (*DIAGNOSIS, "tests/support/hidden", "tests/support/clean", "benchmarks/hidden.py", "benchmarks/floor.py")
+CODE = (
+    *DIAGNOSIS, "fmus/galvanostat", "fmus/voice_coil_dma", "orchestration/fmu/effects.py", "tests/support/hidden",
+    "tests/support/clean", "benchmarks/hidden.py", "benchmarks/floor.py",
+)  # fmt: skip
 _HEAD = """# How often one hidden effect is named, in models that nobody here prepared
 
 Drawn by `python -m benchmarks.hidden {asked}`, a seed that was not looked at before.

@@ -1,10 +1,14 @@
-"""Which code drew a page: a digest of what its modules do, whatever their comments, docstrings and layout are."""
+"""Which code drew a page: a digest of its sources without comments, docstrings and empty lines.
+
+It is of the text, since a syntax tree is printed another way by every version of Python.
+"""
 
 from __future__ import annotations
 
 import ast
 import hashlib
 import re
+import tokenize
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -48,12 +52,18 @@ def stamped(page: str) -> str:
 
 
 def _modules(path: Path) -> list[Path]:
-    return [path] if path.is_file() else list(path.rglob("*.py"))
+    return [path] if path.is_file() else [file for kind in ("py", "c", "h") for file in path.rglob(f"*.{kind}")]
 
 
 def _meaning(file: Path) -> str:
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
-            node.body = node.body[1:] or [ast.Pass()]
-    return ast.dump(tree)
+    lines = file.read_text(encoding="utf-8").splitlines()
+    if file.suffix == ".py":
+        with tokenize.open(file) as source:
+            for token in tokenize.generate_tokens(source.readline):
+                if token.type == tokenize.COMMENT:
+                    lines[token.start[0] - 1] = lines[token.start[0] - 1][: token.start[1]]
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+                first, last = node.body[0].lineno, node.body[0].end_lineno or node.body[0].lineno
+                lines[first - 1 : last] = [""] * (last - first + 1)
+    return "\n".join(line.rstrip() for line in lines if line.strip())
