@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
+from fmus.kit.sensors import sensor_lag, transport_delay
+from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.stepwise import select
 from tests.support.gain import Gain
 
 
@@ -49,3 +52,17 @@ def test_noise_that_makes_a_record_likely_does_not_lead_a_fit_away_from_it():
     assert np.linalg.norm(y - increments * u) > 1.4 * least
     assert np.linalg.norm(base.fit.residual["y"]) == pytest.approx(1.25 * least, rel=0.02)
     assert np.linalg.norm(search.trusted(base).fit.residual["y"]) < 1.02 * least
+
+
+def test_a_delayed_sensor_shows_at_first_what_was_before_the_record():
+    """A resistance and a capacitor in series, on paper; the current turns round as the record begins."""
+    step, late, lead = 0.1, 5, 60
+    current = np.where(np.arange(1060) % 120 < 60, 0.5, -0.5)
+    voltage = 0.8 * current + np.concatenate([[0.0], np.cumsum(current[:-1])]) * step / 2.0
+    shown = voltage[lead - late : -late] + 0.003 * np.random.default_rng(2).standard_normal(1000)
+    data = Dataset(step * np.arange(1000), {"current": current[lead:]}, {"voltage": shown}, linear=False)
+    search = Search(data, PpyActuator, ["R1", "C", "charge_start"], {"R1": 0.8, "R2": 1e12, "C": 2.0})
+    effects = [make(PpyActuator, "voltage") for make in (transport_delay, sensor_lag)]
+    (first,) = select(search, effects).steps
+    assert first.chosen.effect_name == "transport_delay(voltage)"
+    assert np.abs(first.chosen.fit.residual["voltage"]).max() < 0.02  # else the first half second is off by 0.8 V
