@@ -16,6 +16,7 @@ from scipy.signal import chirp, lfilter, sawtooth
 from fmus.kit.sensors import sensor_lag, sensor_offset, transport_delay
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.selection import both_ways
 from orchestration.discrepancy.selection.both_ways import Way, by_effects
 from orchestration.discrepancy.selection.intersample import Basis, Intersample
 from orchestration.fmu.model import find_model
@@ -85,3 +86,15 @@ def test_nothing_is_looked_at_where_time_is_spent():
     chosen = {"u": Intersample(True, Basis.COURSE, apart=40.0)}
     way = Way(search, SimpleNamespace(model=None), chosen)
     assert by_effects(way, []) is way
+
+
+@pytest.mark.parametrize(("named", "taken"), [(["a lag"], "other"), ([], "first")])
+def test_the_other_way_is_taken_only_if_it_names_something(monkeypatch, named, taken):
+    steps = {"first": [], "other": named}
+    monkeypatch.setattr(both_ways, "score", lambda search, base, effects: None)
+    monkeypatch.setattr(both_ways, "by_effects", lambda way, effects: Way("other", None, {}))
+    monkeypatch.setattr(both_ways, "select", lambda search, *rest: SimpleNamespace(steps=steps[search]))
+    monkeypatch.setattr(both_ways, "revised", lambda search, selection, effects: selection)
+    monkeypatch.setattr(both_ways, "explaining", lambda search, selection: selection)
+    way, selection = both_ways.selected("first", None, {}, [])
+    assert (way.search, selection.steps) == (taken, steps[taken])
