@@ -85,7 +85,7 @@ class CleanRecord:
         chosen = set(self.smooth if smooth is None else smooth) - set(self.plant.sampled)
         linear = np.array([n in chosen for n in self.plant.inputs])
         y, _ = simulate(self.plant, own, self.step, u, start, linear, finest)
-        return dict(zip(self.plant.outputs, y, strict=True))
+        return dict(zip(self.plant.outputs, self.plant.recorded(y, self.step), strict=True))
 
 
 def draw(case: Case, specimen: Mapping[str, float] | None = None, plant: Plant | None = None) -> CleanRecord:

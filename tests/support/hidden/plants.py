@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from math import pi, sin
 from typing import ClassVar
 
@@ -11,16 +12,16 @@ from numpy.typing import NDArray
 
 from tests.support.clean.plants import PLANTS, Cell, Galvanostat, Motor, Pendulum, Plant, ThermalNodes, VoiceCoil
 from tests.support.clean.simulation import Values
-from tests.support.hidden.change import NOTHING, Change
+from tests.support.hidden.change import Change
 
 Array = NDArray[np.float64]
 _SPRING, _DAMPER = 300.0, 1.0  # N/m and N*s/m of what the coil pulls on, as in the clean plant
 
 
 class Altered(Plant):
-    """A plant with a change at one of its places; its memory comes behind the plant's own states."""
+    """A plant with changes at some of its places; what they remember comes behind the plant's own states."""
 
-    change: ClassVar[Change] = NOTHING
+    hidden: ClassVar[Mapping[str, tuple[Change, slice]]] = {}  # by place, with the states that it remembers by
     order: ClassVar[int]  # of the clean plant
 
     @abstractmethod
@@ -40,8 +41,11 @@ class Altered(Plant):
         return [0.0] * len(self.outputs)
 
     def more(self, place: str, signal: float, x: list[float]) -> float:
-        """What the change adds at a place."""
-        return self.change.more(signal, x[self.order :]) if place == self.change.place else 0.0
+        """What is hidden at a place adds."""
+        if place not in self.hidden:
+            return 0.0
+        change, memory = self.hidden[place]
+        return change.more(signal, x[memory])
 
     def matrices(self, p: Values) -> None:
         """There are none."""
@@ -54,21 +58,23 @@ class Altered(Plant):
         return u
 
     def rest(self) -> Array:
-        """The plant's own states, then the memory."""
+        """The plant's own states, then what changes remember."""
         own = [self.starts.get(n, 0.0) for n in self.states[: self.order]]
-        return np.array([*own, *self.change.rest])
+        return np.array([*own, *(rest for change, _ in self.hidden.values() for rest in change.rest)])
 
     def rates(self, x: list[float], u: list[float], p: Values) -> list[float]:
-        """Laws, and what the change remembers."""
-        own = self.laws(x, u, p)
-        if not self.change.rest:
-            return own
-        if self.change.place in self.outputs:
-            place = list(self.outputs).index(self.change.place)
-            signal = self.readings(x, u, p)[place] - self.settled(p)[place]
-        else:
-            signal = self.signals(x, u)[self.change.place]
-        return own + self.change.rates(signal, x[self.order :])
+        """Laws, and what changes remember."""
+        rates = self.laws(x, u, p)
+        for place, (change, memory) in self.hidden.items():
+            if not change.rest:
+                continue
+            if place in self.outputs:
+                k = list(self.outputs).index(place)
+                signal = self.readings(x, u, p)[k] - self.settled(p)[k]
+            else:
+                signal = self.signals(x, u)[place]
+            rates = rates + change.rates(signal, x[memory])
+        return rates
 
     def shown(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """What sensors make of the outputs."""
@@ -77,10 +83,8 @@ class Altered(Plant):
 
     def recorded(self, y: Array, step: float) -> Array:
         """Late, where the logger is."""
-        samples = round(self.change.delay / step)
-        if not samples:
-            return y
-        rows = [np.r_[np.full(samples, row[0]), row[:-samples]] if o == self.change.place else row
+        late = {place: round(change.delay / step) for place, (change, _) in self.hidden.items()}
+        rows = [np.r_[np.full(samples, row[0]), row[:-samples]] if (samples := late.get(o, 0)) else row
                 for o, row in zip(self.outputs, y, strict=True)]  # fmt: skip
         return np.array(rows)
 
@@ -227,15 +231,20 @@ NAMES = tuple(_EQUATIONS)
 STEPS = {"ThermalNodes": 0.5, "Cell": 0.25}  # s, of what is slow
 
 
-def altered(name: str, change: Change = NOTHING) -> Plant:
-    """Make a plant with a change hidden in it."""
+def altered(name: str, *changes: Change) -> Plant:
+    """Make a plant with changes hidden in it, each at a place of its own."""
     equations, clean = _EQUATIONS[name], PLANTS[name]
-    longest = STEPS.get(name, equations.finest)
+    hidden, states = {}, [*clean.states]
+    for change in changes:
+        if change.place in hidden:
+            raise ValueError(f"two changes at {change.place} of {name}")
+        hidden[change.place] = change, slice(len(states), len(states) + len(change.rest))
+        states += [f"{change.place}_memory_{k}" for k in range(len(change.rest))]
     about = {
-        "change": change,
+        "hidden": hidden,
         "order": len(clean.states),
-        "states": (*clean.states, *(f"memory_{k}" for k in range(len(change.rest)))),
-        "finest": min(longest, change.finest),
+        "states": tuple(states),
+        "finest": min([STEPS.get(name, equations.finest), *(change.finest for change in changes)]),
     }
     made: Plant = type(name, (equations,), about)()
     return made

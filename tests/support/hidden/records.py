@@ -1,23 +1,27 @@
-"""Records in which something is hidden: drawn as clean ones are, of plants that have a change at one place."""
+"""Records in which something is hidden: drawn as clean ones are, of plants that have a change at one place, or two."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tests.support.clean.judge import least_squares_fit
-from tests.support.clean.plants import PLANTS
+from tests.support.clean.plants import PLANTS, Plant
 from tests.support.clean.records import KINDS, Case, CleanRecord, conditions, draw, timing_of
 from tests.support.clean.simulation import FINEST
-from tests.support.hidden.plants import NAMES, altered
+from tests.support.hidden.plants import NAMES, Altered, altered
 from tests.support.hidden.variations import OUTSIDE, STRENGTHS, VARIATIONS, Variation
 
 Array = NDArray[np.float64]
 COARSE = 0.05  # s, steps of the judge's simulations of what is not linear
 STARTS = 2  # of the refit of the base: where the truth is, and beside it
+SLIGHT = 1e-4  # of a parameter, by which what it can do is found to first order
+Choices = dict[tuple[str, ...], list[tuple[str, ...]]]  # what may be hidden, by families
 
 
 @dataclass(frozen=True)
@@ -26,49 +30,88 @@ class HiddenCase(Case):
 
     hidden: str = ""
     strength: float = 1.0
+    second: str | None = None  # hidden at the same time
 
     def __str__(self) -> str:
-        return f"{self.hidden}, {self.strength:g}, {super().__str__()}"
+        names = " + ".join(one.hidden for one in self.alone())
+        return f"{names}, {self.strength:g}, {super().__str__()}"
 
     @property
     def variation(self) -> Variation:
-        """What is hidden."""
+        """What is hidden, the first of two."""
         return VARIATIONS[self.hidden]
+
+    def alone(self) -> list[HiddenCase]:
+        """The same conditions with each of what is hidden by itself."""
+        names = [self.hidden] if self.second is None else [self.hidden, self.second]
+        return [replace(self, hidden=name, second=None) for name in names]
 
 
 def draw_hidden(case: HiddenCase, strength: float | None = None) -> CleanRecord:
     """Draw one record; of another strength if wanted, 0 for none."""
     plain = Case(**{n: getattr(case, n) for n in Case.__dataclass_fields__})
     _, duration, _ = timing_of(PLANTS[case.plant], case.timing)
-    rng = np.random.default_rng([case.seed, *case.hidden.encode()])
-    change = case.variation.drawn(rng, case.strength if strength is None else strength, duration)
-    return draw(plain, plant=altered(case.plant, change))
+    changes = [
+        one.variation.drawn(
+            np.random.default_rng([one.seed, *one.hidden.encode()]), one.strength if strength is None else strength,
+            duration,
+        )
+        for one in case.alone()
+    ]  # fmt: skip
+    return draw(plain, plant=altered(case.plant, *changes))
 
 
 def cases(count: int, seed: int) -> list[HiddenCase]:
-    """Draw cases: plants, kinds of noise and strengths in turn, families of a plant at random, the rest as clean ones.
+    """Draw cases of one hidden effect; one in six is outside every family."""
+    return list(_cases(count, seed, np.random.default_rng([seed, 13]), _single))
 
-    One in six is outside every family.
-    """
-    rng = np.random.default_rng([seed, 13])
-    families: dict[str, list[str]] = {}
-    drawn = []
+
+def cases_of_two(count: int, seed: int) -> list[HiddenCase]:
+    """Draw cases of two effects at once, of one strength."""
+    return list(_cases(count, seed, np.random.default_rng([seed, 14]), _double))
+
+
+def _single(plant: str) -> Choices:
+    choices: Choices = {}
+    for name, variation in VARIATIONS.items():
+        if variation.plant == plant:
+            choices.setdefault((variation.family,), []).append((name,))
+    return choices
+
+
+def _double(plant: str) -> Choices:
+    """Two that are two causes, not two shapes of one: of other families, places and laws."""
+    inside = [(name, v) for name, v in VARIATIONS.items() if v.plant == plant and v.family != OUTSIDE]
+    choices: Choices = {}
+    for (first, a), (second, b) in combinations(inside, 2):
+        if a.family != b.family and a.place != b.place and not _laws(a) & _laws(b):
+            choices.setdefault(tuple(sorted((a.family, b.family))), []).append((first, second))
+    return choices
+
+
+def _laws(variation: Variation) -> set[str]:
+    """What is wrong in right names, whatever it is a function of."""
+    return {re.split(" over | remembering ", name)[0] for name in variation.right}
+
+
+def _cases(count: int, seed: int, rng: np.random.Generator, known: Callable[[str], Choices]) -> Iterator[HiddenCase]:
+    """Plants, kinds of noise and strengths in turn, families of a plant at random, the rest as clean ones."""
+    choices = {name: known(name) for name in NAMES}
+    families: dict[str, list[tuple[str, ...]]] = {name: [] for name in NAMES}
     for k in range(count):
         plant = PLANTS[NAMES[k % len(NAMES)]]
         turn = k // len(NAMES)
-        left = families.setdefault(plant.name, [])
+        left = families[plant.name]
         if not left:
-            every = list(dict.fromkeys(v.family for v in VARIATIONS.values() if v.plant == plant.name))
+            every = list(choices[plant.name])
             left += [every[i] for i in rng.permutation(len(every))]
-        family = left.pop()
-        shapes = [n for n, v in VARIATIONS.items() if (v.plant, v.family) == (plant.name, family)]
-        hidden = shapes[rng.integers(len(shapes))]
+        shapes = choices[plant.name][left.pop()]
+        hidden = dict(zip(("hidden", "second"), shapes[rng.integers(len(shapes))], strict=False))
         noise = KINDS[(k + turn) % len(KINDS)]
         if noise == "jitter" and plant.rate > 200.0:
             noise = KINDS[0]
         case = conditions(plant, noise, 100_000 * seed + k, rng)
-        drawn.append(HiddenCase(**asdict(case), hidden=hidden, strength=STRENGTHS[turn % len(STRENGTHS)]))
-    return drawn
+        yield HiddenCase(**asdict(case), **hidden, strength=STRENGTHS[turn % len(STRENGTHS)])
 
 
 def base_refit(drawn: CleanRecord) -> tuple[CleanRecord, dict[str, float]]:
@@ -86,16 +129,50 @@ def base_refit(drawn: CleanRecord) -> tuple[CleanRecord, dict[str, float]]:
 
 def widths(drawn: CleanRecord, simulated: Mapping[str, Array]) -> dict[str, float]:
     """Noise widths that are left: rms of what a model misses of the outputs without noise, over that of the noise."""
-    return {
-        o: float(np.sqrt(np.mean((y - simulated[o]) ** 2))) / max(drawn.deviation[o], 1e-12 * float(np.ptp(y)) + 1e-300)
-        for o, y in drawn.clean.items()
-    }
+    noise = _noise(drawn)
+    return {o: float(np.sqrt(np.mean((y - simulated[o]) ** 2))) / noise[o] for o, y in drawn.clean.items()}
+
+
+def _noise(drawn: CleanRecord) -> dict[str, float]:
+    return {o: max(drawn.deviation[o], 1e-12 * float(np.ptp(y)) + 1e-300) for o, y in drawn.clean.items()}
 
 
 def left(drawn: CleanRecord) -> float:
     """Noise widths that the hidden change leaves in the worst of the outputs after a refit of the base."""
     base, values = base_refit(drawn)
     return max(widths(drawn, base.simulated(values, COARSE)).values())
+
+
+def left_beside(drawn: CleanRecord) -> list[float]:
+    """Noise widths that each hidden change leaves in the worst of the outputs beside the others, which are known.
+
+    What the base's parameters and starting states can do about it is taken away to first order: a refit of a plant in
+    which something is hidden takes minutes.
+    """
+    assert isinstance(drawn.plant, Altered)
+    hidden = drawn.plant.hidden
+    both = replace(drawn, clean=drawn.simulated(drawn.truth, drawn.plant.finest))
+    others = [[change for place, (change, _) in hidden.items() if place != one] for one in hidden]
+    return [max(widths(both, _refitted(both, altered(drawn.plant.name, *known))).values()) for known in others]
+
+
+def _refitted(drawn: CleanRecord, plant: Plant) -> dict[str, Array]:
+    """Outputs of another plant with the base's parameters as near as they get in one step from the truth."""
+    other, noise = replace(drawn, plant=plant), _noise(drawn)
+
+    def simulated(name: str = "", by: float = 0.0) -> Array:
+        values = drawn.truth | ({name: drawn.truth[name] + by} if name else {})
+        y = other.simulated(values, drawn.plant.finest)
+        return np.array([y[o] / noise[o] for o in noise])
+
+    names = [*plant.nominal, *(f"{n}_start" for n in PLANTS[plant.name].states)]
+    steps = {n: SLIGHT * max(abs(drawn.truth[n]), SLIGHT * (n not in plant.nominal)) for n in names}
+    at = simulated()
+    slopes = np.column_stack([((simulated(n, by) - at) / by).ravel() for n, by in steps.items()])
+    scaled = slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    wanted = (np.array([y / noise[o] for o, y in drawn.clean.items()]) - at).ravel()
+    near = at + (scaled @ np.linalg.lstsq(scaled, wanted, rcond=None)[0]).reshape(at.shape)
+    return {o: noise[o] * row for o, row in zip(noise, near, strict=True)}
 
 
 def effective_samples(drawn: CleanRecord) -> dict[str, float]:
@@ -108,4 +185,7 @@ def effective_samples(drawn: CleanRecord) -> dict[str, float]:
     return found
 
 
-__all__ = ["OUTSIDE", "HiddenCase", "base_refit", "cases", "draw_hidden", "effective_samples", "left", "widths"]
+__all__ = [
+    "OUTSIDE", "HiddenCase", "base_refit", "cases", "cases_of_two", "draw_hidden", "effective_samples", "left",
+    "left_beside", "widths",
+]  # fmt: skip

@@ -54,6 +54,11 @@ class Variation:
     right: frozenset[str]
     make: Maker
 
+    @property
+    def place(self) -> str:
+        """Where it is, whatever its size."""
+        return self.drawn(np.random.default_rng(0), 1.0, 60.0).place
+
     def drawn(self, rng: np.random.Generator, strength: float, duration: float) -> Change:
         """Draw sizes."""
         return self.make(Dice(rng, strength, duration))
