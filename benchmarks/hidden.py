@@ -3,41 +3,38 @@
 `python -m benchmarks.hidden --records 120 --seed 1` draws plants, families, shapes, strengths, stimuli and kinds of
 noise with generators that share no code with what they judge (`tests/support/hidden`). What is not counted is computed:
 records in which the effect leaves too little after a refit of the base, and those that another effect could have made.
-The floor (`benchmarks.floor`) is held beside it.
+The floor (`benchmarks.floor`) is held beside it. `--two 60` judges records with two effects at once as well
+(`benchmarks.hidden_two`).
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks import hidden_two
+from benchmarks.answers import LEAST, Row, alike, excluded, held_out, related, right_names, title
 from benchmarks.clean import ROOT, diagnosed, grouped, settings_of, share
-from benchmarks.floor import BASE, EVIDENCE, Fitted, fitted_alone, listed
+from benchmarks.floor import fitted_alone, listed
 from benchmarks.kept import add_options, among, judged
 from benchmarks.stamp import DIAGNOSIS, stamp
 from benchmarks.tables import Table, Topic
-from fmus.kit import Effect
 from orchestration.fmu.model import find_model
-from orchestration.identify.metrics import normalised_rms
-from tests.support.clean.records import CleanRecord
-from tests.support.hidden.records import HiddenCase, cases, draw_hidden, left
+from tests.support.hidden.records import HiddenCase, cases, cases_of_two, draw_hidden, left
 from tests.support.hidden.variations import OUTSIDE
-
-if TYPE_CHECKING:
-    from orchestration.api.diagnosis import DiagnosisResult
 
 PAGE = ROOT / "docs" / "hidden-records.md"
 CODE = (
     *DIAGNOSIS, "fmus/galvanostat", "fmus/voice_coil_dma", "orchestration/fmu/effects.py", "tests/support/hidden",
-    "tests/support/clean", "benchmarks/hidden.py", "benchmarks/floor.py",
+    "tests/support/clean", "benchmarks/hidden.py", "benchmarks/hidden_two.py", "benchmarks/answers.py",
+    "benchmarks/floor.py",
 )  # fmt: skip
-_HEAD = """# How often one hidden effect is named, in models that nobody here prepared
+_HEAD = """# How often hidden effects are named, in models that nobody here prepared
 
 Drawn by `python -m benchmarks.hidden {asked}`, a seed that was not looked at before.
 Every family has several shapes, none of them the catalogue's formula, and the generators share no code with what they
@@ -49,33 +46,8 @@ and those that another effect makes as well: both are computed. What is called r
 {stamp}
 
 """
-Row = dict[str, Any]
-LEAST = 1.3  # noise widths that must be left of the hidden effect
 _GOOD = "first", "in the group"
 _KINDS = "first", "in the group", "another", "none", "refused"
-
-
-def right_names(effects: Mapping[str, type[Effect]], right: frozenset[str]) -> set[str]:
-    """Labels of effects that are right: by themselves, or of a family that is."""
-    return {name for name, effect in effects.items() if name in right or effect.term.family in right}
-
-
-def related(effects: Mapping[str, type[Effect]], right: set[str]) -> set[str]:
-    """Labels of effects of the laws and signals of right ones: beside them they are shape, not another cause."""
-    families = {effects[name].term.family for name in right} - {""}
-    return right | {name for name, effect in effects.items() if effect.term.family in families}
-
-
-def excluded(row: Row) -> str:
-    """Why a record does not count; empty if it does."""
-    if row["widths"] < LEAST:
-        return "too little"
-    return "alike" if row.get("alike") else ""
-
-
-def alike(floor: Mapping[str, Fitted], right: set[str]) -> list[str]:
-    """Effects that are not right and make the record so well that nobody could tell it from the truth."""
-    return [n for n, fit in floor.items() if n not in right and n != BASE and fit.evidence < EVIDENCE]
 
 
 def judge(case: HiddenCase, with_floor: bool = True) -> Row:
@@ -107,21 +79,7 @@ def judge(case: HiddenCase, with_floor: bool = True) -> Row:
         return row | {"seconds": 0.0}
     result, said = diagnosed(drawn, ["families"])
     row |= said | {"right": sorted(right), "related": sorted(related(effects, right))}
-    return row | (_held_out(result, drawn) if result is not None else {})
-
-
-def _held_out(result: DiagnosisResult, drawn: CleanRecord) -> Row:
-    """Groups that were named, and errors on what was held out over those of the truth."""
-    diagnosis = result.details.diagnosis
-    first = diagnosis.validation.first
-    best = {o: normalised_rms(y[first:], drawn.clean[o][first:]) for o, y in drawn.outputs.items()}
-    ratios = [error / best[o] for o, error in diagnosis.after.items() if best[o] > 0.0]
-    steps = diagnosis.selection.steps
-    return {
-        "groups": [[s.chosen.effect_name, *(e.effect_name for e in s.alternatives)] for s in steps],
-        "ratio": max(ratios, default=float("nan")),
-        "sentence": result.sentence,
-    }
+    return row | (held_out(result, drawn) if result is not None else {})
 
 
 def named(row: Row) -> str:
@@ -222,11 +180,6 @@ def _confusion(rows: Sequence[Row]) -> list[str | Table]:
     return ["What was said of the others:", Table(["record", "said"], [[title(row), told(row)] for row in wrong])]
 
 
-def title(row: Row) -> str:
-    """Name a record."""
-    return str(HiddenCase(**{n: row[n] for n in HiddenCase.__dataclass_fields__}))
-
-
 def told(row: Row) -> str:
     """What was said of a record."""
     if excluded(row):
@@ -249,15 +202,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hidden", description=__doc__.split("\n\n")[0])
     add_options(parser, 120, "hidden")
+    parser.add_argument("--two", type=int, default=0, help="records with two effects at once, kept in SEED-two.jsonl")
     parser.add_argument("--no-floor", action="store_true", help="do not fit every effect alone, which takes longest")
     parser.add_argument("--out", type=Path, help="page to write")
     chosen = parser.parse_args(arguments)
     wanted = among(cases(chosen.records, chosen.seed), chosen)
+    pairs = among(cases_of_two(chosen.two, chosen.seed), chosen)
     kept = chosen.kept or ROOT / "build" / "hidden" / f"{chosen.seed}.jsonl"
-    text = str(report(run(wanted, kept, not chosen.no_floor, lambda line: print(line, flush=True))))
+    progress = lambda line: print(line, flush=True)  # noqa: E731
+    topics = [report(run(wanted, kept, not chosen.no_floor, progress))] if wanted else []
+    if pairs:
+        beside = kept.with_stem(f"{kept.stem}-two")
+        topics.append(hidden_two.report(judged(pairs, beside, hidden_two.judge, hidden_two.told, progress)))
+    text = "\n\n".join(map(str, topics))
     print("\n" + text)
     if chosen.out is not None:
         asked = [f"--records {chosen.records} --seed {chosen.seed}"]
+        asked += [f"--two {chosen.two}"] if pairs else []
         asked += [f"--{name} {' '.join(words)}" for name in ("only", "without") if (words := getattr(chosen, name))]
         head = _HEAD.format(asked=" ".join(asked), least=LEAST, stamp=stamp(CODE))
         chosen.out.write_text(head + text + "\n", encoding="utf-8")
