@@ -80,7 +80,8 @@ def diagnosed(drawn: CleanRecord, effects: Sequence[str] | None = None) -> tuple
         path = drawn.write(Path(folder) / "record.csv")
         began, cpu = clock.perf_counter(), _processor_time()
         try:
-            result = ppy.diagnose(path, drawn.plant.model, settings=settings_of(drawn), effects=effects)
+            settings, known = settings_of(drawn), drawn.plant.known
+            result = ppy.diagnose(path, drawn.plant.model, settings=settings, hold=known, effects=effects)
         except UserError as error:
             told = {"verdict": "refused", "why": [_without_figures(str(error))], "seconds": _processor_time() - cpu}
             return None, told

@@ -25,6 +25,8 @@ from benchmarks.kept import add_options, among, judged
 from benchmarks.stamp import DIAGNOSIS, stamp
 from benchmarks.tables import Table, Topic
 from orchestration.fmu.model import find_model
+from tests.support.clean.plants import ON_REQUEST
+from tests.support.hidden.plants import USUAL
 from tests.support.hidden.records import HiddenCase, cases, cases_of_two, draw_hidden, left
 from tests.support.hidden.variations import OUTSIDE
 
@@ -206,8 +208,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--no-floor", action="store_true", help="do not fit every effect alone, which takes longest")
     parser.add_argument("--out", type=Path, help="page to write")
     chosen = parser.parse_args(arguments)
-    wanted = among(cases(chosen.records, chosen.seed), chosen)
-    pairs = among(cases_of_two(chosen.two, chosen.seed), chosen)
+    plants = [name for name in ON_REQUEST if name in chosen.only] or USUAL
+    wanted = among(cases(chosen.records, chosen.seed, plants), chosen)
+    pairs = among(cases_of_two(chosen.two, chosen.seed, plants), chosen)
     kept = chosen.kept or ROOT / "build" / "hidden" / f"{chosen.seed}.jsonl"
     progress = lambda line: print(line, flush=True)  # noqa: E731
     topics = [report(run(wanted, kept, not chosen.no_floor, progress))] if wanted else []

@@ -47,10 +47,16 @@ def component(name: str) -> type[Component]:
 def effects(name: str) -> dict[str, type[Effect]]:
     """Effects that the laws of a component neglect, by id: ``EFFECTS`` of its package's module ``effects``, if any.
 
+    Where a package has several components, an effect of a law that one of them has not is none of its own.
+
     Raises
     ------
     UserError
         If there is no component of that name.
     """
-    module = component(name).__module__.rpartition(".")[0] + ".effects"
-    return importlib.import_module(module).EFFECTS if importlib.util.find_spec(module) else {}
+    cls = component(name)
+    module = cls.__module__.rpartition(".")[0] + ".effects"
+    if not importlib.util.find_spec(module):
+        return {}
+    known: dict[str, type[Effect]] = importlib.import_module(module).EFFECTS
+    return {id: effect for id, effect in known.items() if not effect.term.law or hasattr(cls, effect.term.law)}

@@ -92,17 +92,33 @@ class FootDynamic(FootStatics):
         beyond = maximum(angle - upper, 0.0) + minimum(angle - lower, 0.0)
         return -self.stop_frequency * self.stop_frequency * beyond
 
+    def ankle_friction(self) -> Any:
+        """Torque that the ankle takes to turn."""
+        return self.ankle_damping * self.ankle_rate
+
+    def tm_friction(self) -> Any:
+        """Torque that the tarsal-metatarsal joint takes to turn."""
+        return self.tm_damping * self.tm_rate
+
+    def mtp_friction(self) -> Any:
+        """Torque that the metatarsal-phalangeal joint takes to turn."""
+        return self.mtp_damping * self.mtp_rate
+
+    def arch_torque(self) -> Any:
+        """Torque with which the arch pulls back."""
+        return self.tm_stiffness * self.tm_angle
+
     def ankle_acceleration(self) -> Any:
         """Angular acceleration of the ankle."""
-        torque = self.joint_torques()[0] - self.ankle_damping * self.ankle_rate
+        torque = self.joint_torques()[0] - self.ankle_friction()
         return torque / self.ankle_inertia + self.stop(self.ankle_angle, self.ankle_lower, self.ankle_upper)
 
     def tm_acceleration(self) -> Any:
         """Angular acceleration of the tarsal-metatarsal joint, which the arch pulls back."""
-        torque = self.joint_torques()[1] - self.tm_damping * self.tm_rate - self.tm_stiffness * self.tm_angle
+        torque = self.joint_torques()[1] - self.tm_friction() - self.arch_torque()
         return torque / self.tm_inertia + self.stop(self.tm_angle, self.tm_lower, self.tm_upper)
 
     def mtp_acceleration(self) -> Any:
         """Angular acceleration of the metatarsal-phalangeal joint."""
-        torque = self.joint_torques()[2] - self.mtp_damping * self.mtp_rate
+        torque = self.joint_torques()[2] - self.mtp_friction()
         return torque / self.mtp_inertia + self.stop(self.mtp_angle, self.mtp_lower, self.mtp_upper)

@@ -122,6 +122,17 @@ class FootKinematics(Component):
         """Moment arm of pl, dl/dtheta of the metatarsal-phalangeal joint: the radius its tendon lies on."""
         return self.scale * self.arms()[3]
 
+    def length_changes(self) -> tuple[Any, Any, Any, Any]:
+        """Changes of the lengths of an, po, do and pl from the reference configuration."""
+        triangles = self.an_triangle(), self.po_triangle(), self.do_triangle()
+        an, po, do = (self.scale * (attached_length(*triangle) - triangle[0]) for triangle in triangles)
+        return an, po, do, self.scale * self.r_pl * self.mtp_angle
+
+    def length_rates(self) -> tuple[Any, Any, Any, Any]:
+        """Rates of the lengths of an, po, do and pl, R dtheta/dt (eq. 5.4)."""
+        an, po = self.an_arm() * self.ankle_rate, self.po_arm() * self.ankle_rate
+        return an, po, self.do_arm() * self.mtp_rate, self.pl_arm() * self.mtp_rate
+
     # --- toe: position and J = dx/dtheta (eq. 5.3) ------------------------------------------------------------------
 
     def link_angles(self) -> tuple[Any, Any, Any]:
@@ -156,62 +167,62 @@ class FootKinematics(Component):
     @Output("m", nominal=0.1, display="mm")
     def an_length(self) -> Any:
         """Length of the an actuator."""
-        return self.scale * attached_length(*self.an_triangle())
+        return self.scale * self.l_an + self.length_changes()[0]
 
     @Output("m", nominal=0.1, display="mm")
     def po_length(self) -> Any:
         """Length of the po actuator."""
-        return self.scale * attached_length(*self.po_triangle())
+        return self.scale * self.l_po + self.length_changes()[1]
 
     @Output("m", nominal=0.1, display="mm")
     def do_length(self) -> Any:
         """Length of the do actuator."""
-        return self.scale * attached_length(*self.do_triangle())
+        return self.scale * self.l_do + self.length_changes()[2]
 
     @Output("m", nominal=0.1, display="mm")
     def pl_length(self) -> Any:
         """Length of the pl actuator, whose tendon lies on its radius."""
-        return self.scale * (self.l_pl + self.r_pl * self.mtp_angle)
+        return self.scale * self.l_pl + self.length_changes()[3]
 
     @Output("m", nominal=1e-3, display="mm")
     def an_length_change(self) -> Any:
         """Length of the an actuator less that in the reference configuration."""
-        return self.scale * (attached_length(*self.an_triangle()) - self.l_an)
+        return self.length_changes()[0]
 
     @Output("m", nominal=1e-3, display="mm")
     def po_length_change(self) -> Any:
         """Length of the po actuator less that in the reference configuration."""
-        return self.scale * (attached_length(*self.po_triangle()) - self.l_po)
+        return self.length_changes()[1]
 
     @Output("m", nominal=1e-3, display="mm")
     def do_length_change(self) -> Any:
         """Length of the do actuator less that in the reference configuration."""
-        return self.scale * (attached_length(*self.do_triangle()) - self.l_do)
+        return self.length_changes()[2]
 
     @Output("m", nominal=1e-3, display="mm")
     def pl_length_change(self) -> Any:
         """Length of the pl actuator less that in the reference configuration."""
-        return self.scale * self.r_pl * self.mtp_angle
+        return self.length_changes()[3]
 
     @Output("m/s", nominal=1e-2, display="mm/s")
     def an_length_rate(self) -> Any:
         """Rate of the length of the an actuator."""
-        return self.an_arm() * self.ankle_rate
+        return self.length_rates()[0]
 
     @Output("m/s", nominal=1e-2, display="mm/s")
     def po_length_rate(self) -> Any:
         """Rate of the length of the po actuator."""
-        return self.po_arm() * self.ankle_rate
+        return self.length_rates()[1]
 
     @Output("m/s", nominal=1e-2, display="mm/s")
     def do_length_rate(self) -> Any:
         """Rate of the length of the do actuator."""
-        return self.do_arm() * self.mtp_rate
+        return self.length_rates()[2]
 
     @Output("m/s", nominal=1e-2, display="mm/s")
     def pl_length_rate(self) -> Any:
         """Rate of the length of the pl actuator."""
-        return self.pl_arm() * self.mtp_rate
+        return self.length_rates()[3]
 
     @Output("m", nominal=0.1, display="mm")
     def toe_x(self) -> Any:

@@ -46,11 +46,16 @@ class FootStatics(FootKinematics):
     toe_force_x = Input("N", doc="force of the ground on the toe along x (down along the leg)")
     toe_force_y = Input("N", doc="force of the ground on the toe along y (forward)")
 
+    def tensions(self) -> tuple[Any, Any, Any, Any]:
+        """Tensions of an, po, do and pl as they pull on the joints."""
+        return self.an_tension, self.po_tension, self.do_tension, self.pl_tension
+
     def joint_torques(self) -> tuple[Any, Any, Any]:
         """Torques on ankle, tm and mtp by tensions and toe force, J^T F - R^T T, positive in dorsiflexion."""
         ankle, tm, mtp = (x * self.toe_force_x + y * self.toe_force_y for x, y in self.jacobian())
-        ankle_pull = self.an_arm() * self.an_tension + self.po_arm() * self.po_tension
-        mtp_pull = self.do_arm() * self.do_tension + self.pl_arm() * self.pl_tension
+        an, po, do, pl = self.tensions()
+        ankle_pull = self.an_arm() * an + self.po_arm() * po
+        mtp_pull = self.do_arm() * do + self.pl_arm() * pl
         return ankle - ankle_pull, tm, mtp - mtp_pull
 
     def joint_stiffnesses(self) -> tuple[Any, Any, Any]:

@@ -54,13 +54,14 @@ def random_values(cls, seed, size=None):
 
 
 def named(cls, values):
-    """Rates and outputs by name."""
+    """Rates, outputs and next sampled values by name."""
     model = cls()
     for name, value in values.items():
         setattr(model, name, value)
     layout = cls.layout
     result = dict(zip((f"der({s.name})" for s in layout.states), model.rates(), strict=True))
-    return result | dict(zip((o.name for o in layout.outputs), model.outputs(), strict=True))
+    result |= dict(zip((o.name for o in layout.outputs), model.outputs(), strict=True))
+    return result | {d.name: getattr(model, d.update)() for d in layout.discretes}
 
 
 def active(names):

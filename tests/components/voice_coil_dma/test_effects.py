@@ -64,7 +64,7 @@ def named(cls, values):
 def test_catalogue():
     readme = (Path(fmus.__file__).parent / "voice_coil_dma" / "README.md").read_text(encoding="utf-8")
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
-    assert fmus.effects("voice_coil_dma") is EFFECTS
+    assert fmus.effects("voice_coil_dma") == EFFECTS
     for name, effect in EFFECTS.items():
         assert effect.id == name
         assert f"`{name}`" in readme

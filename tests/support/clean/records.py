@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.support.clean.disturbances import INPUT_NOISE, JITTER, ON_OUTPUTS, jittered
-from tests.support.clean.plants import PLANTS, Loop, Plant
+from tests.support.clean.plant import Loop, Plant
+from tests.support.clean.plants import DRAWN, PLANTS
 from tests.support.clean.simulation import FINEST, closed_loop, simulate
 from tests.support.clean.stimuli import SMOOTH, STIMULI, Shape
 
@@ -129,10 +130,10 @@ def draw(case: Case, specimen: Mapping[str, float] | None = None, plant: Plant |
 def cases(count: int, seed: int) -> list[Case]:
     """Draw cases: plants and kinds of noise in turn, the rest at random."""
     rng = np.random.default_rng(seed)
-    names, drawn = list(PLANTS), []
+    drawn = []
     for k in range(count):
-        plant = PLANTS[names[k % len(names)]]
-        noise = KINDS[(k + k // len(names)) % len(KINDS)]
+        plant = PLANTS[DRAWN[k % len(DRAWN)]]
+        noise = KINDS[(k + k // len(DRAWN)) % len(KINDS)]
         if noise == "jitter" and plant.rate > 1.0 / JITTER:
             noise = KINDS[0]  # samples would change their order
         drawn.append(conditions(plant, noise, 100_000 * seed + k, rng))

@@ -10,7 +10,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.support.clean.plants import PLANTS, Cell, Galvanostat, Motor, Pendulum, Plant, ThermalNodes, VoiceCoil
+from tests.support.clean.foot import PLANTAR, Foot, measured, moving, posterior, turning
+from tests.support.clean.plant import Plant
+from tests.support.clean.plants import DRAWN, PLANTS, Cell, Galvanostat, Motor, Pendulum, ThermalNodes, VoiceCoil
 from tests.support.clean.simulation import Values
 from tests.support.hidden.change import Change
 
@@ -219,6 +221,34 @@ class AlteredVoiceCoil(Altered, VoiceCoil):
         return [x[0], x[3]]
 
 
+class AlteredFoot(Altered, Foot):
+    """The foot on a stand; its tendons may rub and stretch, and the plantar one may cross the arch."""
+
+    def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
+        """Of friction the rates, of the arch its angle, of what stretches the tension."""
+        return {
+            "ankle_friction": x[3], "mtp_friction": x[5], "arch": x[1], "arch_radius": x[1], "guide": x[3],
+            "stretch": u[0],
+        }  # fmt: skip
+
+    def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Balance of torques; in a guide a tendon that is drawn out pulls the more."""
+        _, heel, pull = posterior(x[0])
+        lengthening = -(pull.conjugate() * 1j * x[3] * heel).real
+        po = u[0] * (1.0 + self.more("guide", lengthening, x))
+        pl = u[1] * (1.0 + self.more("guide", PLANTAR * x[5], x))
+        torques = turning(x[:3], po, pl, u[2])
+        torques[0] -= self.more("ankle_friction", x[3], x)
+        torques[1] -= self.more("arch", x[1], x) + pl * self.more("arch_radius", x[1], x)
+        torques[2] -= self.more("mtp_friction", x[5], x)
+        return moving(x, torques, p)
+
+    def readings(self, x: list[float], u: list[float], p: Values) -> list[float]:
+        """Angles, and the length of po less what its tendon is longer."""
+        *angles, length = measured(x[:3])
+        return [*angles, length - self.more("stretch", u[0], x)]
+
+
 _EQUATIONS: dict[str, type[Altered]] = {
     "Motor": AlteredMotor,
     "Pendulum": AlteredPendulum,
@@ -226,8 +256,10 @@ _EQUATIONS: dict[str, type[Altered]] = {
     "Cell": AlteredCell,
     "Galvanostat": AlteredGalvanostat,
     "VoiceCoil": AlteredVoiceCoil,
+    "Foot": AlteredFoot,
 }
 NAMES = tuple(_EQUATIONS)
+USUAL = tuple(name for name in NAMES if name in DRAWN)
 STEPS = {"ThermalNodes": 0.5, "Cell": 0.25}  # s, of what is slow
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 
@@ -14,7 +14,7 @@ from tests.support.clean.judge import least_squares_fit
 from tests.support.clean.plants import PLANTS, Plant
 from tests.support.clean.records import KINDS, Case, CleanRecord, conditions, draw, timing_of
 from tests.support.clean.simulation import FINEST
-from tests.support.hidden.plants import NAMES, Altered, altered
+from tests.support.hidden.plants import USUAL, Altered, altered
 from tests.support.hidden.variations import OUTSIDE, STRENGTHS, VARIATIONS, Variation
 
 Array = NDArray[np.float64]
@@ -61,14 +61,14 @@ def draw_hidden(case: HiddenCase, strength: float | None = None) -> CleanRecord:
     return draw(plain, plant=altered(case.plant, *changes))
 
 
-def cases(count: int, seed: int) -> list[HiddenCase]:
+def cases(count: int, seed: int, plants: Sequence[str] = USUAL) -> list[HiddenCase]:
     """Draw cases of one hidden effect; one in six is outside every family."""
-    return list(_cases(count, seed, np.random.default_rng([seed, 13]), _single))
+    return list(_cases(count, seed, plants, np.random.default_rng([seed, 13]), _single))
 
 
-def cases_of_two(count: int, seed: int) -> list[HiddenCase]:
+def cases_of_two(count: int, seed: int, plants: Sequence[str] = USUAL) -> list[HiddenCase]:
     """Draw cases of two effects at once, of one strength."""
-    return list(_cases(count, seed, np.random.default_rng([seed, 14]), _double))
+    return list(_cases(count, seed, plants, np.random.default_rng([seed, 14]), _double))
 
 
 def _single(plant: str) -> Choices:
@@ -94,13 +94,15 @@ def _laws(variation: Variation) -> set[str]:
     return {re.split(" over | remembering ", name)[0] for name in variation.right}
 
 
-def _cases(count: int, seed: int, rng: np.random.Generator, known: Callable[[str], Choices]) -> Iterator[HiddenCase]:
+def _cases(
+    count: int, seed: int, plants: Sequence[str], rng: np.random.Generator, known: Callable[[str], Choices]
+) -> Iterator[HiddenCase]:
     """Plants, kinds of noise and strengths in turn, families of a plant at random, the rest as clean ones."""
-    choices = {name: known(name) for name in NAMES}
-    families: dict[str, list[tuple[str, ...]]] = {name: [] for name in NAMES}
+    choices = {name: known(name) for name in plants}
+    families: dict[str, list[tuple[str, ...]]] = {name: [] for name in plants}
     for k in range(count):
-        plant = PLANTS[NAMES[k % len(NAMES)]]
-        turn = k // len(NAMES)
+        plant = PLANTS[plants[k % len(plants)]]
+        turn = k // len(plants)
         left = families[plant.name]
         if not left:
             every = list(choices[plant.name])

@@ -1,0 +1,91 @@
+"""Known ways the estimator is wrong: what it samples is not the voltage across the actuator at that instant."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ..kit import Discrete, Effect, Parameter
+from ..kit.component import Term, by_name
+
+if TYPE_CHECKING:
+    from .model import DegradationEstimator
+
+    class EstimatorEffect(Effect, DegradationEstimator):
+        """What an effect can count on: the laws of the estimator that it is laid over."""
+else:
+    EstimatorEffect = Effect
+
+
+class LeadResistance(EstimatorEffect):
+    """Voltage sensed behind leads and contacts that the current flows through, in two wires: ``v + R_l i``.
+
+    It is in R1, R2 and C at once, since R_l is in series with the whole circuit. Relaxes assumption 5, that the voltage
+    is that across the actuator; ``R_l = 0`` is the base model.
+    """
+
+    id = "lead_resistance"
+    neutral = "resistance_of_leads"
+    assumption = 5
+    term = Term("measured_voltage", "current", "v + R_l i", "measured_voltage over current")
+
+    resistance_of_leads = Parameter(
+        0.0, "ohm", min=-1e3, max=1e3, nominal=0.1, doc="resistance of leads and contacts in the measured voltage (R_l)"
+    )
+
+    def measured_voltage(self) -> Any:
+        """Voltage with the drop in the leads."""
+        return super().measured_voltage() + self.resistance_of_leads * self.measured_current()
+
+
+class VoltageGain(EstimatorEffect):
+    """Scale of the sampled voltage that is wrong: ``(1 + g) v``.
+
+    The circuit follows from the ratio of voltage to current: a current that is 1 + g times too small looks the same.
+    Relaxes assumption 5, that sensors are calibrated; ``g = 0`` is the base model.
+    """
+
+    id = "voltage_gain"
+    neutral = "voltage_gain_error"
+    assumption = 5
+    term = Term("measured_voltage", "voltage", "g v", "measured_voltage over voltage")
+
+    voltage_gain_error = Parameter(
+        0.0, "1", min=-0.99, max=1e2, nominal=0.01, display="%", doc="relative error of the sampled voltage (g)"
+    )
+
+    def measured_voltage(self) -> Any:
+        """Voltage times 1 + g."""
+        return super().measured_voltage() * (1.0 + self.voltage_gain_error)
+
+
+class SamplingSkew(EstimatorEffect):
+    """Voltage that is sampled before the current by a share ``s`` of the period: ``v(t) + s (v(t - T_s) - v(t))``.
+
+    Between its samples the voltage is taken to go linearly, as multiplexed converters and slow readings see it; at
+    ``s = 1`` it is that of the sample before. Relaxes assumption 2, that both are sampled together; ``s = 0`` is the
+    base model.
+    """
+
+    id = "sampling_skew"
+    neutral = "voltage_skew"
+    assumption = 2
+    term = Term("measured_voltage", "voltage", "s (v(t - T_s) - v(t))", "measured_voltage remembering voltage")
+
+    voltage_skew = Parameter(
+        0.0, "1", min=0, max=1.0, nominal=0.1, display="%", doc="share of the period by which the voltage is old (s)"
+    )
+    punctual_voltage = Discrete(
+        "V", update="next_punctual_voltage", period="sample_period", doc="voltage at the instant of the latest sample"
+    )
+
+    def next_punctual_voltage(self) -> Any:
+        """Voltage at the instant of the sample."""
+        return super().measured_voltage()
+
+    def measured_voltage(self) -> Any:
+        """Voltage of an instant before."""
+        now = super().measured_voltage()
+        return now + self.voltage_skew * (self.punctual_voltage - now)
+
+
+EFFECTS: dict[str, type[Effect]] = by_name(LeadResistance, VoltageGain, SamplingSkew)

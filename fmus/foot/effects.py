@@ -1,0 +1,179 @@
+"""Known ways the foot is wrong: tendons that stretch, rub and cross the arch, and joints with dry friction.
+
+Each is a mixin that overrides laws (never an output) through ``super()``. At its neutral parameter value the laws give
+the bits of the base model. Dry friction is of the joints that move by themselves; the others are of both forms.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ..kit import Effect, Parameter, State, exp, tanh
+from ..kit.component import Term, by_name
+from ..kit.curves import curve
+from ..kit.generic import described
+from .dynamic import FootDynamic
+
+if TYPE_CHECKING:
+    from .statics import FootStatics
+
+    class FootEffect(Effect, FootStatics):
+        """What an effect can count on: the laws of the foot that it is laid over."""
+else:
+    FootEffect = Effect
+
+_DRY = 1e-3  # N*m, typical of dry friction in a small joint
+
+
+def _stretch(actuator: str) -> Any:
+    return State(
+        "m", rate=f"{actuator}_stretch_rate", nominal=1e-4, display="mm", doc=f"stretch of {actuator}'s tendon"
+    )
+
+
+class PlantarTendonAcrossArch(FootEffect):
+    """Plantar tendon that crosses the arch as well, on an attachment radius ``a``, and presses it down under tension.
+
+    Virtual work asks for the same arm everywhere: ``a theta_TM`` more in the length of pl, ``a dtheta_TM/dt`` in its
+    rate, ``a T_pl`` less in the torque of the joint, and ``K = R^T K_l R`` with a term between arch and toe. Relaxes
+    assumption 3, that pl acts on the toe only; the program of the thesis (appendix A4) has a token 0.001 in that place.
+    ``a = 0`` is the base model.
+    """
+
+    id = "plantar_tendon_across_arch"
+    neutral = "pl_arch_radius"
+    assumption = 3
+    term = Term("joint_torques", "pl_tension", "a T_pl", "joint_torques over pl_tension")
+
+    pl_arch_radius = Parameter(
+        0.0, "m", min=-0.05, max=0.05, nominal=1e-2, display="mm",
+        doc="radius on which the tendon of pl lies about the tarsal-metatarsal joint (a)",
+    )  # fmt: skip
+
+    def pl_arch_arm(self) -> Any:
+        """Moment arm of pl about the tarsal-metatarsal joint."""
+        return self.scale * self.pl_arch_radius
+
+    def length_changes(self) -> tuple[Any, Any, Any, Any]:
+        """Changes of length, of pl by the arch too."""
+        an, po, do, pl = super().length_changes()
+        return an, po, do, pl + self.pl_arch_arm() * self.tm_angle
+
+    def length_rates(self) -> tuple[Any, Any, Any, Any]:
+        """Rates of length, of pl by the arch too."""
+        an, po, do, pl = super().length_rates()
+        return an, po, do, pl + self.pl_arch_arm() * self.tm_rate
+
+    def joint_torques(self) -> tuple[Any, Any, Any]:
+        """Torques on the joints, on the arch by pl too."""
+        ankle, tm, mtp = super().joint_torques()
+        return ankle, tm - self.pl_arch_arm() * self.tensions()[3], mtp
+
+    def compliance(self, row: int, column: int) -> Any:
+        """Entry of ``J K'^-1 J^T``, written as what ``K' - K = k a [[a, r], [r, 0]]`` over arch and toe takes away."""
+        _, tm, mtp = self.jacobian()
+        _, arch, toe = self.joint_stiffnesses()
+        k, a, r = self.k_pl, self.pl_arch_arm(), self.pl_arm()
+        dorsal = toe - k * r * r
+        both = r * (tm[row] * mtp[column] + mtp[row] * tm[column])
+        apart = a * (tm[row] * tm[column] * dorsal / arch - mtp[row] * mtp[column] * k * r * r / toe)
+        return super().compliance(row, column) - k * a * (both + apart) / (arch * toe + k * a * a * dorsal)
+
+
+class TendonStretch(FootEffect):
+    """Tendons that stretch under tension, each as a Voigt body: ``tau ds/dt = c T - s``, and an actuator shorter by s.
+
+    Stiffness and damping seen at the toe stay those of the actuators. Relaxes assumption 7, that tendons do not
+    stretch; ``c = 0`` is the base model. Of viscoelastic tendons: Fung, Biomechanics, 2nd ed., 1993, section 2.11.
+    """
+
+    id = "tendon_stretch"
+    neutral = "tendon_compliance"
+    assumption = 7
+    term = Term("length_changes", "", "-s with tau ds/dt = c T - s", "length_changes remembering tensions")
+
+    tendon_compliance = Parameter(
+        0.0, "m/N", min=0, max=1.0, nominal=1e-4, display="mm/N", doc="stretch of every tendon per tension (c)"
+    )
+    tendon_time = Parameter(0.05, "s", min=1e-3, max=1e3, nominal=0.05, doc="time in which a tendon stretches (tau)")
+
+    an_stretch, po_stretch, do_stretch, pl_stretch = (_stretch(actuator) for actuator in ("an", "po", "do", "pl"))
+
+    def an_stretch_rate(self) -> Any:
+        """Rate of the stretch of an's tendon."""
+        return (self.tendon_compliance * self.an_tension - self.an_stretch) / self.tendon_time
+
+    def po_stretch_rate(self) -> Any:
+        """Rate of the stretch of po's tendon."""
+        return (self.tendon_compliance * self.po_tension - self.po_stretch) / self.tendon_time
+
+    def do_stretch_rate(self) -> Any:
+        """Rate of the stretch of do's tendon."""
+        return (self.tendon_compliance * self.do_tension - self.do_stretch) / self.tendon_time
+
+    def pl_stretch_rate(self) -> Any:
+        """Rate of the stretch of pl's tendon."""
+        return (self.tendon_compliance * self.pl_tension - self.pl_stretch) / self.tendon_time
+
+    def length_changes(self) -> tuple[Any, Any, Any, Any]:
+        """Changes of length, each less by what its tendon is longer."""
+        an, po, do, pl = super().length_changes()
+        return an - self.an_stretch, po - self.po_stretch, do - self.do_stretch, pl - self.pl_stretch
+
+    def length_rates(self) -> tuple[Any, Any, Any, Any]:
+        """Rates of length, the derivatives of :meth:`length_changes`."""
+        an, po, do, pl = super().length_rates()
+        return (
+            an - self.an_stretch_rate(), po - self.po_stretch_rate(), do - self.do_stretch_rate(),
+            pl - self.pl_stretch_rate(),
+        )  # fmt: skip
+
+
+class TendonFriction(FootEffect):
+    """Tendons that rub in their guides: at the joint the tension is ``T exp(w tanh(v / v_w))``, v the rate of length.
+
+    A joint that draws its tendon out feels more than the actuator pulls with, one that is drawn along less; w is the
+    coefficient of friction times the angle of wrap (Euler and Eytelwein's capstan equation), the same for all tendons.
+    Relaxes assumption 7, that tendons do not rub; ``w = 0`` is the base model.
+    """
+
+    id = "tendon_friction"
+    neutral = "tendon_wrap_friction"
+    assumption = 7
+    term = Term("tensions", "", "T exp(w tanh(v / v_w))", "tensions over length rates")
+
+    tendon_wrap_friction = Parameter(
+        0.0, "1", min=0, max=10.0, nominal=0.1, doc="coefficient of friction times angle of wrap (w)"
+    )
+    tendon_friction_velocity = Parameter(
+        1e-3, "m/s", min=1e-6, max=1.0, nominal=1e-3, display="mm/s",
+        doc="rate of length within which the friction changes its sign (v_w)",
+    )  # fmt: skip
+
+    def tensions(self) -> tuple[Any, Any, Any, Any]:
+        """Tensions at the joints, more or less than those of the actuators."""
+        an, po, do, pl = (
+            tension * exp(self.tendon_wrap_friction * tanh(rate / self.tendon_friction_velocity))
+            for tension, rate in zip(super().tensions(), self.length_rates(), strict=True)
+        )
+        return an, po, do, pl
+
+
+def _dry_friction(joint: str) -> type[Effect]:
+    law = f"{joint}_friction"
+    effect = curve(
+        FootDynamic, law, f"{joint}_rate", "sign", "N*m", _DRY, id="coulomb_friction",
+        suffixes=("coulomb", "coulomb_velocity"), qualifier=law,
+    )  # fmt: skip
+    return described(effect, 8, f"""Dry friction of the {joint}: ``M_c tanh(omega / omega_c)`` more, a smooth sign.
+
+    Relaxes assumption 8, that friction in the joints is viscous; ``M_c = 0`` is the base model.
+    """)  # fmt: skip
+
+
+EFFECTS: dict[str, type[Effect]] = by_name(
+    PlantarTendonAcrossArch,
+    TendonStretch,
+    TendonFriction,
+    *(_dry_friction(joint) for joint in ("ankle", "tm", "mtp")),
+)

@@ -1,0 +1,39 @@
+"""Both builds of a class, held against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from fmus.kit import Component
+from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.toolchain import host_platform
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulate import simulate_instance
+
+
+def check_that_builds_agree(
+    cls: type[Component],
+    values: Mapping[str, float],
+    ranges: Mapping[str, tuple[float, float]],
+    folder: Path,
+    sizes: tuple[float, ...] = (0.001, 0.01, 0.1),
+    still: tuple[str, ...] = (),
+) -> None:
+    """To 1e-9 over steps of any size, of each output's own size; inputs are drawn from ranges, some outputs rest."""
+    rng = np.random.default_rng(7)
+    time = np.concatenate([[0.0], np.cumsum(rng.choice(sizes, 60))])
+    inputs = {name: rng.uniform(*ends, time.size) for name, ends in ranges.items()}
+    results = {}
+    for runtime in RUNTIMES:
+        path = folder / f"{runtime}.fmu"
+        path.write_bytes(build(cls, runtime, [host_platform()]))
+        with Fmu(path, values) as one:
+            one.start(0.0, float(time[-1]))
+            results[runtime] = simulate_instance(one, time, inputs)
+    for output in cls.layout.measurable:
+        found, expected = (results[runtime][output.name] for runtime in RUNTIMES)
+        assert np.ptp(expected) > 0.0 or output.name in still, output.name
+        assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max(), output.name
