@@ -206,8 +206,7 @@ def _with_trace(
 ) -> list[str]:
     """Parameters that move anything that was measured; those of an effect do where it is at work."""
     problem = search.problem(candidate, parameters, values)
-    slopes = problem.evaluate(problem.inside(problem.position(problem.start)))[1].values()
-    return [name for k, name in enumerate(parameters) if any(slope[:, k].any() for slope in slopes)]
+    return problem.traced(problem.inside(problem.position(problem.start)))
 
 
 def _let_go(

@@ -33,6 +33,7 @@ from orchestration.discrepancy.validation.prediction import Prediction
 from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.discrepancy.validation.side_by_side import Errors, errors_side_by_side
 from orchestration.identify.estimate import Estimate
+from orchestration.records.joined import base_name
 
 DEGRADED = 1.1  # times the error before, above which it has grown
 # Share of the structure in a residual that may be left beside a cause, which never has quite the catalogue's form.
@@ -202,7 +203,7 @@ def diagnose(
     inconclusive = bool(starts) and not excited  # not knowing where it starts, how it settles tells nothing
     selection, by_clock = Selection(base := search.nominal()), list[Note]()
     if not inconclusive:
-        search, base, by_clock = clock.by_fit(search, base)
+        search, base, by_clock = clock.by_fit(*search.heard(base))
         search, base, chosen = intersample.by_fit(search, base, chosen)
         way, selection = both_ways.selected(search, base, chosen, effects)
         search, base, chosen = way.search, selection.base, way.chosen
@@ -211,7 +212,7 @@ def diagnose(
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     judged = confirmed(_trusted(search, selection), validation)
     selection, predictions = judged.selection, judged.predictions
-    final, failed = _refitted(replace(search, data=usable), selection.best, holdout is None)
+    final, failed = _refitted(replace(search, data=usable, parameters=free), selection.best, holdout is None)
     residuals = analyse_residuals(selection.best, estimation)
     known = noise.spread_of(final.problem.names), intersample.spread(chosen, final)
     more = spread_beside(final, known, selection, residuals)
@@ -249,9 +250,12 @@ def _as_taken(
     return parts.estimation, parts.validation, parts.usable
 
 
-def _refitted(search: Search, best: FittedCandidate, again: bool) -> tuple[FittedCandidate, list[Note]]:
-    """Fit what was found to all that was measured; if that fails, it stands as it was fitted to the first part."""
-    if not again:
+def _refitted(search: Search, best: FittedCandidate, more: bool) -> tuple[FittedCandidate, list[Note]]:
+    """Fit what was found to all that was measured; if that fails, it stands as it was fitted to the first part.
+
+    Where there is not more than that part, only what was left out of the search comes back.
+    """
+    if not more and {*map(base_name, best.problem.names)}.issuperset(search.parameters):
         return best, []
     try:
         return search.trusted(search.refit(best)), []

@@ -178,6 +178,8 @@ class Problem:
     scales : list of Scale
     evaluations : int
         Simulations made.
+    effort : float
+        Internal steps per sample, on average, beyond which a simulation is abandoned.
     out_of_time : callable
         Whether there is no time left to search on; never, unless replaced.
     freedom : Mapping of str to float
@@ -215,7 +217,7 @@ class Problem:
         moved = input_steps(inputs, len(time))
         self.calm = {o: _calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
-        self.evaluations = 0
+        self.evaluations, self.effort = 0, max(_EFFORT, _EFFORTS / len(time))
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
         self.freedom: Mapping[str, float] = {}
@@ -232,13 +234,17 @@ class Problem:
         """
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
-            effort = max(_EFFORT, _EFFORTS / len(self.time))
-            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), effort, self.runs)
+            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), self.effort, self.runs)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             residual = {o: (y - trajectory.signals[o])[self._where[o]] for o, y in self.measured.items()}
             jacobian = {o: trajectory.sensitivities[o][self._where[o]] * -slopes for o in self.measured}
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
+
+    def traced(self, q: Array) -> list[str]:
+        """Parameters that move anything that was measured, at a point."""
+        slopes = self.evaluate(q)[1].values()
+        return [name for i, name in enumerate(self.names) if any(slope[:, i].any() for slope in slopes)]
 
     def while_there_is_time(self, residual: Callable[[Array], Array]) -> Callable[[Array], Array]:
         """Residuals for one search: its first point always, others while there is time, so that it ends at its best."""

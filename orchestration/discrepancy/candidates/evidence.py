@@ -25,7 +25,7 @@ class FittedCandidate:
     problem : Problem
     fit : FitResult
     free_run : FitResult or None
-        Fitted by plain least squares, where that was done.
+        Fitted for the nearest free run, or nearly so, where that was done.
     """
 
     candidate: Candidate

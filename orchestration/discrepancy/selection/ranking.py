@@ -8,7 +8,10 @@ them then in one noise: that of the one that comes nearest (as an F test takes t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import label
@@ -16,21 +19,68 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate, Score
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.residuals.analysis import has_structure
+from orchestration.discrepancy.selection.left_out import Blocks, foretells_better, foretold
 from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.method import ALIKE, AS_IT_STANDS
 
 FEW = PROMISING // 2  # effects that tell which way to take inputs
+# By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very strong evidence.
+ACCEPT = 10.0
+FINALISTS = 5  # candidates that foretell blocks left out, the nearest first,
+LIKELIEST = 3  # and the likeliest in noise of their own
+ALTERNATIVE = 6.0  # within which another candidate counts as not told apart, if one of the models is right
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
-Ranked = list[tuple[FittedCandidate, float]]
-"""Candidates with the fall of BIC that each brings, less the price of looking at many; the best first."""
+Array = NDArray[np.float64]
 _Fitted = dict[type[Effect], FittedCandidate]
+Row = tuple[FittedCandidate, float]
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Effects fitted over a model, in one noise.
+
+    Attributes
+    ----------
+    rows : list of tuple of FittedCandidate and float
+        Candidates with the fall of BIC that each brings, less the price of looking at many; the best first.
+    foretold : dict of type[Effect] to ndarray, shape (blocks,)
+        Where the nearest leaves structure, so that none of the models is right: errors in blocks that a candidate was
+        not fitted to, of those that have a chance.
+    without : ndarray, shape (blocks,)
+        The same of the model without them.
+    near : dict of type[Effect] to FittedCandidate
+        Candidates fitted in white noise.
+    """
+
+    rows: list[Row] = field(default_factory=list)
+    foretold: dict[type[Effect], Array] = field(default_factory=dict)
+    without: Array = field(default_factory=lambda: np.empty(0))
+    near: _Fitted = field(default_factory=dict)
+
+    def may_be(self, row: Row) -> bool:
+        """Whether a candidate may be named: where none is right, it foretells more than the model without it."""
+        effect = row[0].effect
+        return not self.foretold or (effect in self.foretold and self.foretold[effect].sum() < self.without.sum())
+
+    def surely_foretells(self, row: Row) -> bool:
+        """Whether blocks agree that a candidate foretells more than the model without it."""
+        effect = row[0].effect
+        return effect in self.foretold and foretells_better(self.foretold[effect], self.without)
+
+    def are_alike(self, better: Row, other: Row) -> bool:
+        """Whether the record does not tell a candidate from one that comes before it."""
+        if not self.foretold:
+            return better[1] - other[1] < ALTERNATIVE
+        one, two = (self.foretold.get(fitted.effect, self.without + np.inf) for fitted, _ in (better, other))
+        return other[1] > ACCEPT and not foretells_better(one, two)
 
 
 def ranked(
-    search: Search, below: FittedCandidate, scored: Sequence[ScoredModel], effects: Sequence[type[Effect]]
-) -> Ranked:
+    search: Search, below: FittedCandidate, scored: Sequence[ScoredModel], effects: Sequence[type[Effect]],
+    known: Mapping[type[Effect], FittedCandidate] | None = None,
+) -> Ranking:  # fmt: skip
     """Fit effects over a model: the promising ones, and for a first one all where the best of these leaves structure.
 
     Parameters
@@ -41,29 +91,67 @@ def ranked(
     scored : sequence of ScoredModel
         Where fits begin: that model, and others of the same effects.
     effects : sequence of type[Effect]
-
-    Returns
-    -------
-    list of tuple of FittedCandidate and float
-        All in the same noise.
+    known : Mapping of type[Effect] to FittedCandidate, optional
+        Fitted in white noise from elsewhere.
     """
     starts = _starts(scored, effects)
     promising = _promising(starts)
-    plain, nearest = _in_white_noise(search, below)
-    seen: _Fitted = {}
-    _glance(plain, nearest, {e: starts[e] for e in promising}, seen)
-    found = _in_one_noise(search, below, nearest, seen, len(effects))
+    plain, base = _in_white_noise(search, below)
+    seen: _Fitted = dict(known or {})
+    _glance(plain, base, {e: starts[e] for e in promising}, seen)
     others = {e: several for e, several in starts.items() if e not in promising}
+    nearest, left = _nearest(search, base, seen)
     # a further cause is no small one, so that its score shows it
-    if (
-        others
-        and not below.candidate.effects
-        and not search.budget.spent()
-        and has_structure(found[0][0] if found else below, search.data)
-    ):
-        _glance(plain, nearest, others, seen)
-        found = _in_one_noise(search, below, nearest, seen, len(effects))
-    return found
+    if others and left and not below.candidate.effects:
+        _glance(plain, base, others, seen)
+        nearest, left = _nearest(search, base, seen)
+    if not seen:
+        return Ranking()
+    most = base.fit.bic - nearest.fit.bic
+    contenders = [e for e, f in seen.items() if base.fit.bic - f.fit.bic > max(CONTENDER * most, WORTH)]
+    if not (left and contenders):
+        rows = _in_one_noise(search, below, nearest, seen, contenders, len(effects))
+        return Ranking(rows, near=seen)
+    contenders = sorted(contenders, key=lambda e: seen[e].fit.bic)[:FINALISTS]
+    contenders += [e for e in _likeliest(search, seen)[:LIKELIEST] if e not in contenders]
+    without, *foretellings = _foretold(plain, [base, *(seen[e] for e in contenders)], left)
+    errors = dict(zip(contenders, foretellings, strict=True))
+    best = min(contenders, key=lambda e: errors[e].sum())
+    rows = _in_one_noise(search, below, seen[best], seen, contenders, len(effects))
+    rows.sort(key=lambda row: errors[row[0].effect].sum() if row[0].effect in errors else np.inf)
+    return Ranking(rows, errors, without, seen)
+
+
+def _nearest(search: Search, base: FittedCandidate, seen: _Fitted) -> tuple[FittedCandidate, FittedCandidate | None]:
+    """What comes nearest in white noise; and the same in its own colour, if it leaves more than coloured noise."""
+    nearest = min([base, *seen.values()], key=_bic)
+    fitted = None if search.budget.spent() else _again(search.in_noise_of(nearest), nearest)
+    return nearest, fitted if fitted and has_structure(fitted, search.data) else None
+
+
+def _likeliest(search: Search, seen: _Fitted) -> list[type[Effect]]:
+    """Effects by how likely each is where it stands, in noise of its own: slow errors may outweigh what is sought."""
+    as_they_are = replace(search, method=AS_IT_STANDS)
+
+    def bic(fitted: FittedCandidate) -> float:
+        own = _again(as_they_are, fitted)
+        return own.fit.bic if own else np.inf
+
+    found = dict(zip(seen, side_by_side(bic, list(seen.values())), strict=True))
+    return sorted(found, key=lambda e: found[e])
+
+
+def _foretold(plain: Search, candidates: Sequence[FittedCandidate], nearest: FittedCandidate) -> list[Array]:
+    """Errors of candidates in blocks left out."""
+    blocks = Blocks.of(plain.data, bool(plain.each))
+    counter = Counter(plain.progress, "foretelling blocks left out", len(candidates))
+
+    def one(fitted: FittedCandidate) -> Array:
+        errors = foretold(plain, fitted, blocks, nearest)
+        counter.one_more()
+        return errors
+
+    return side_by_side(one, candidates)
 
 
 def few(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[type[Effect]]:
@@ -104,7 +192,8 @@ def _glance(
     to_the_end = replace(plain, method=ALIKE)
     best = sorted(glanced, key=_bic)[:PROMISING]
     ended = side_by_side(lambda f: _again(to_the_end, f), best)
-    seen |= {f.effect: f for f in [*glanced, *filter(None, ended)]}
+    for fitted in (*glanced, *filter(None, ended)):
+        seen[fitted.effect] = min(fitted, seen.get(fitted.effect, fitted), key=_bic)
 
 
 def _glanced(
@@ -124,13 +213,11 @@ def _glanced(
     return [min(several, key=_bic) for several in side_by_side(one, list(starts)) if several]
 
 
-def _in_one_noise(search: Search, below: FittedCandidate, plain: FittedCandidate, seen: _Fitted, number: int) -> Ranked:
+def _in_one_noise(
+    search: Search, below: FittedCandidate, nearest: FittedCandidate, seen: _Fitted, contenders: Sequence[type[Effect]],
+    number: int,
+) -> list[Row]:  # fmt: skip
     """Hold candidates against each other in the noise of the nearest; what has a chance is made sure of."""
-    if not seen:
-        return []
-    nearest = min(*seen.values(), plain, key=_bic)
-    most = plain.fit.bic - nearest.fit.bic
-    contenders = [e for e, f in seen.items() if plain.fit.bic - f.fit.bic > max(CONTENDER * most, WORTH)]
     counter = Counter(search.progress, "making sure of fits", len(contenders))
     alike = search.in_noise_of(nearest)
     as_they_are = replace(alike, method=AS_IT_STANDS)

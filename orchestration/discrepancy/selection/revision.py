@@ -10,18 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-import numpy as np
-
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import Candidate, label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.residuals.analysis import has_structure
-from orchestration.discrepancy.selection.ranking import Ranked, ranked
+from orchestration.discrepancy.selection.ranking import ACCEPT, CONTENDER, Row, ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import (
-    ACCEPT,
-    ALTERNATIVE,
     Selection,
     Step,
     interchangeable,
@@ -81,16 +77,26 @@ def _revised_once(search: Search, selection: Selection, effects: Sequence[type[E
         if all(interchangeable(effect, other) for other in kept):
             continue  # shapes of one cause
         known = set(map(label, kept)) | search.not_assessed.keys()
-        others = [e for e in effects if label(e) not in known]
+        rivals = _rivals(selection, effect) | {label(effect)}
+        others = [e for e in effects if label(e) in rivals - known]
         tried = ranked(search, without, [score(search, without, others)], others)
-        own = max((gain for e, gain in tried if e.effect is effect), default=-np.inf)
-        if tried and tried[0][1] > own + ALTERNATIVE:
-            other = _fitted(search, tried[0][0], tried[0][0].candidate.effects)
+        best_row = tried.rows[0] if tried.rows else None
+        own = next((row for row in tried.rows if row[0].effect is effect), None)
+        if best_row and best_row is not own and tried.may_be(best_row) and not (own and tried.are_alike(best_row, own)):
+            other = _fitted(search, best_row[0], best_row[0].candidate.effects)
             if other is not None and other.delta_bic(without, selection.tried) > ACCEPT:
                 return _chain(search, selection, other)
-        close = [(e, g) for e, g in tried if own - g < ALTERNATIVE and not interchangeable(e.effect, effect)]
-        _tell(selection, effect, close)
+        if own:
+            _tell(selection, effect, [r for r in tried.rows if r is not own and tried.are_alike(own, r)])
     return None
+
+
+def _rivals(selection: Selection, effect: type[Effect]) -> set[str]:
+    """Effects that came near one where it was named, or beside it showed something."""
+    k = next(k for k, step in enumerate(selection.steps) if step.chosen.effect is effect)
+    near = {name for name, gain in selection.steps[k].gains.items() if gain > CONTENDER * selection.steps[k].gain}
+    later = {name for step in selection.steps[k + 1 :] for name, gain in step.gains.items() if gain > ACCEPT}
+    return near | later | {fitted.effect_name for fitted, gain in selection.rejected if gain > ACCEPT}
 
 
 def _weightiest_first(search: Search, selection: Selection) -> Selection:
@@ -109,11 +115,11 @@ def _weightiest_first(search: Search, selection: Selection) -> Selection:
     return (again and _chain(search, selection, again)) or selection
 
 
-def _tell(selection: Selection, effect: type[Effect], close: Ranked) -> None:
+def _tell(selection: Selection, effect: type[Effect], close: Sequence[Row]) -> None:
     """Note what would do as well in the place of an effect, now that the others are there."""
     k = next(k for k, step in enumerate(selection.steps) if step.chosen.effect is effect)
     named, step = set(map(label, selection.best.candidate.effects)), selection.steps[k]
-    others = [(e, gain) for e, gain in close if e.effect_name not in named]
+    others = [(e, gain) for e, gain in close if e.effect_name not in named and not interchangeable(e.effect, effect)]
     gains = step.gains | {e.effect_name: gain for e, gain in others}
     selection.steps[k] = replace(step, alternatives=[e for e, _ in others], gains=gains)
 

@@ -30,6 +30,9 @@ FAILURES = UserError, ArithmeticError, np.linalg.LinAlgError
 # Times the least error of the nominal model's free run, which no noise model may take a fit beyond. Fits to slow noise
 # of few independent samples are that far above the least, which follows the noise itself.
 STRAYED = 1.25
+# Internal steps per sample that an effect may take, or this share of those that the model may take in a short record: a
+# bend may become sharper than anything seen between two samples.
+_EFFORT, _EASIER = 25.0, 0.2
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -86,6 +89,21 @@ class Search:
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         return FittedCandidate(candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run)
 
+    def heard(self, base: FittedCandidate) -> tuple[Search, FittedCandidate]:
+        """Leave out parameters of which the fitted model shows no trace: derivatives are what a simulation costs.
+
+        Returns
+        -------
+        search, base
+            The same if there are none.
+        """
+        traced = set(map(base_name, base.problem.traced(base.fit.q)))
+        if traced.issuperset(self.parameters) or traced.isdisjoint(self.parameters):
+            return self, base
+        search = replace(self, parameters=[name for name in self.parameters if name in traced])
+        kept = search.refit(base)
+        return search, replace(kept, free_run=fit_free_run(kept.problem, [kept.fit.q], search._physical(kept.problem)))
+
     def near_nominal(self, prior_std: float) -> FittedCandidate:
         """Fit the model without effects, its physical parameters held close to nominal."""
         candidate = Candidate((), self.base)
@@ -103,7 +121,8 @@ class Search:
             a search that ran out of time may leave it at, it is fitted from there.
         """
         problem, scales = fitted.problem, error_scales(fitted.problem)
-        free_run = fitted.free_run or fit_free_run(problem, [fitted.fit.q], self._physical(problem))
+        known = [problem.position(problem.start | fitted.free_run.values)] if fitted.free_run else []
+        free_run = fit_free_run(problem, [fitted.fit.q, *known], self._physical(problem))
         if below is not None and pooled_error(free_run.residual, scales) > pooled_error(below.fit.residual, scales):
             at_rest = problem.position(problem.start | below.fit.values)
             free_run = fit_free_run(problem, [at_rest], self._physical(problem))
@@ -158,7 +177,7 @@ class Search:
         self.progress(f"fitting {fitted.candidate.name} to all of the record")
         problem = self._problem(fitted.candidate)
         q = problem.position(problem.start | fitted.fit.values)
-        return FittedCandidate(fitted.candidate, problem, self._fit(problem, q, fitted.fit.noise))
+        return FittedCandidate(fitted.candidate, problem, self._fit(problem, q, fitted.fit.noise), fitted.free_run)
 
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
         """Fit a model once more, from where one that contains it stands and in its noise; the likelier of the two.
@@ -190,6 +209,8 @@ class Search:
             candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
         )
         made.out_of_time, made.freedom, made.colour = self.budget.spent, self.freedom, self.colour
+        if candidate.effects:
+            made.effort = max(_EFFORT, _EASIER * made.effort)
         return made
 
     def _problem(self, candidate: Candidate) -> Problem:

@@ -8,20 +8,15 @@ from dataclasses import dataclass, field, replace
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel
-from orchestration.discrepancy.candidates.told_apart import told_apart
-from orchestration.discrepancy.residuals.analysis import has_structure
 from orchestration.discrepancy.residuals.innovations import power
-from orchestration.discrepancy.selection.ranking import Ranked, ranked
+from orchestration.discrepancy.selection.ranking import ACCEPT, ALTERNATIVE, Ranking, Row, ranked
 from orchestration.discrepancy.selection.scoring import confounding, score, unidentifiable
 from orchestration.discrepancy.selection.search import FAILURES, Search
 
-# By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very strong evidence.
-ACCEPT = 10.0
-ALTERNATIVE = 6.0  # within which another candidate counts as not told apart
 NEGLIGIBLE = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
 SECONDARY = 0.2  # of the evidence for the first effect, below which another is a lesser matter
 MOST = 3  # effects that are looked for
-CHANCES = 3  # candidates that are fitted in noise of their own, the best first, until one is sure
+CHANCES = 6  # candidates that are fitted in noise of their own, the best first, until one is sure
 EXPLAINED = 0.1  # of the error of the base beyond noise
 SHORT = 5.0  # memory that is none: the variance of noise over that of its innovations
 # A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
@@ -135,14 +130,17 @@ def select(search: Search, effects: Sequence[type[Effect]], known: ScoredModel |
             break
         tried = ranked(search, selection.best, scored, remaining)
         found = _named(search, selection, tried, len(remaining))
-        if found.below is not selection.best:  # all were fitted from a lesser optimum
+        lowered = selection.best.fit.bic - found.below.fit.bic
+        if found.below is not selection.best:
             selection = selection.ending_in(found.below)
-            if found.step:
-                tried = ranked(search, found.below, [score(search, found.below, remaining)], remaining)
-                found = _named(search, selection, tried, len(remaining))
+        if found.step and lowered > ALTERNATIVE:  # all were fitted from a lesser optimum
+            scored.append(score(search, found.below, remaining))
+            tried = ranked(search, found.below, scored[-1:], remaining, tried.near)
+            again = _named(search, selection, tried, len(remaining))
+            found = found if search.budget.spent() else again
         selection.unsure.update(found.unsure)
         if found.step is None:
-            selection.rejected.extend(found.tried)
+            selection.rejected.extend(found.tried.rows)
             break
         step = found.step
         named = {label(effect) for effect in step.chosen.candidate.effects}
@@ -173,24 +171,26 @@ class _Found:
         None where nothing is sure.
     below : FittedCandidate
         The model that was looked at; fitted anew where a richer one has shown a better optimum.
-    tried : Ranked
+    tried : Ranking
     unsure : set of str
         Labels of effects of which the evidence would do in noise that is as a likelihood takes it to be.
     """
 
     step: Step | None
     below: FittedCandidate
-    tried: Ranked
+    tried: Ranking
     unsure: set[str] = field(default_factory=set)
 
 
-def _named(search: Search, selection: Selection, tried: Ranked, looked_at: int) -> _Found:
+def _named(search: Search, selection: Selection, tried: Ranking, looked_at: int) -> _Found:
     """The best of the candidates of which there is evidence in noise of its own, too, and what is as good."""
-    below, unsure = selection.best, set[str]()
+    below, unsure, refused = selection.best, set[str](), list[Row]()
     threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].evidence if selection.steps else 0.0)
-    for candidate, gain in _in_turn(tried)[:CHANCES]:
-        if gain <= threshold:
-            break
+    for row in _in_turn(tried)[:CHANCES]:
+        candidate, gain = row
+        refused.append(row)
+        if gain <= threshold or not tried.may_be(row):
+            continue
         try:
             chosen = search.fit_from(candidate.candidate, candidate)
         except FAILURES:
@@ -202,32 +202,37 @@ def _named(search: Search, selection: Selection, tried: Ranked, looked_at: int) 
         evidence = chosen.delta_bic(below, looked_at) + beyond
         if evidence <= threshold:
             continue
-        if not _is_sure(selection, below, chosen, looked_at, beyond):
+        robust = chosen.robust_fall(below, looked_at, beyond) > ACCEPT or tried.surely_foretells(row)
+        if not (robust and _is_sure(selection, below, chosen)):
             unsure.add(chosen.effect_name)
             continue
-        others = [(e, g) for e, g in tried if e is not candidate and not interchangeable(e.effect, chosen.effect)]
-        # the criterion is sure of itself where one of the models is right; where none is, the record has to be
-        certain = not has_structure(candidate, search.data)
-        alike = {
-            e.effect_name for e, g in others
-            if gain - g < ALTERNATIVE or (g > ACCEPT and not (certain or told_apart(candidate, e)))
-        }  # fmt: skip
+        others = [r for r in tried.rows if r is not row and not interchangeable(r[0].effect, chosen.effect)]
+        alike = [r for r in others if tried.are_alike(row, r) and r not in refused]
         step = Step(
-            chosen, gain, evidence, chosen.p_value(below, looked_at, beyond),
-            [e for e, _ in others if e.effect_name in alike],
-            [(e, g) for e, g in others if e.effect_name not in alike], gains={e.effect_name: g for e, g in tried},
+            replace(chosen, free_run=tried.near[chosen.effect].fit), gain, evidence,
+            chosen.p_value(below, looked_at, beyond), [e for e, _ in alike], [r for r in others if r not in alike],
+            gains={e.effect_name: g for e, g in tried.rows},
         )  # fmt: skip
         return _Found(step, below, tried, unsure)
     return _Found(None, below, tried, unsure)
 
 
-def _in_turn(tried: Ranked) -> Ranked:
-    """Candidates in the order in which they are asked: one of measuring takes no credit for what physics explains, too.
+def _in_turn(tried: Ranking) -> list[Row]:
+    """Candidates in the order in which they are asked: those that are as good as the best first, by the criterion.
 
-    What physics explains as well comes before the best, if that is of measuring.
+    One of measuring takes no credit for what physics explains, too, which comes before it; nor one of an input for what
+    a law explains as well by the criterion.
     """
-    best = tried[0][1] if tried else 0.0
-    return sorted(tried, key=lambda row: (best - row[1] >= ALTERNATIVE, bool(row[0].effect.output)))
+    as_good = [row for row in tried.rows if row is tried.rows[0] or tried.are_alike(tried.rows[0], row)]
+    most = max((gain for _, gain in as_good), default=0.0)
+
+    def place(row: Row) -> tuple[bool, bool, bool, float]:
+        effect, gain = row[0].effect, row[1]
+        of_input = bool(effect.term.signal) and not effect.term.law
+        return bool(effect.output), most - gain >= ALTERNATIVE, of_input, -gain
+
+    others = [row for row in tried.rows if row not in as_good]
+    return [*sorted(as_good, key=place), *sorted(others, key=lambda row: bool(row[0].effect.output))]
 
 
 def loses_memory(below: FittedCandidate, richer: FittedCandidate) -> bool:
@@ -247,11 +252,9 @@ def _memory(fitted: FittedCandidate) -> dict[str, float]:
     return {o: power(fit.residual[o]) / (power(fit.innovation[o]) * n.deviation**2) for o, n in fit.noise.items()}
 
 
-def _is_sure(
-    selection: Selection, below: FittedCandidate, chosen: FittedCandidate, looked_at: int, beyond: float
-) -> bool:
-    """Whether there is evidence whatever the noise, for a nearer simulation, and of another cause for enough."""
-    if chosen.robust_fall(below, looked_at, beyond) <= ACCEPT or not chosen.is_nearer_than(below):
+def _is_sure(selection: Selection, below: FittedCandidate, chosen: FittedCandidate) -> bool:
+    """Whether a simulation is nearer, and another cause is a cause for enough."""
+    if not chosen.is_nearer_than(below):
         return False
     first = not selection.steps or _is_shape_of(chosen.effect, selection)
     return first or takes_enough(selection.base, selection.best, chosen)

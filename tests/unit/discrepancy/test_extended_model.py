@@ -121,7 +121,7 @@ def test_the_fmu_says_what_was_added_and_fitted(one):
         low, high = (shown(end, declared[name]) for end in e.interval)
         known = f"95 % interval {low} … {high}" if name != "travel_start" else "not determined by the record"
         expected.append(f"{name} = {shown(e.value, declared[name])} ({known})")
-    assert len(expected) == 2 + len(best.problem.names)
+    assert len(expected) == 2 + len(one.diagnosis.final.problem.names)
     for path in one.fmus.values():
         description = fmpy.read_model_description(str(path))
         with zipfile.ZipFile(path) as archive:

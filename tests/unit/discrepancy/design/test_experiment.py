@@ -25,7 +25,8 @@ from orchestration.discrepancy.design.experiment import ENOUGH, design
 from orchestration.discrepancy.design.stimuli import Stimulus, limits_of_inputs
 from orchestration.discrepancy.diagnosis import diagnose, searched
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.selection.stepwise import ALTERNATIVE, Selection, Step
+from orchestration.discrepancy.selection.ranking import ALTERNATIVE
+from orchestration.discrepancy.selection.stepwise import Selection, Step
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.experiment.waveforms import steps

@@ -6,12 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from fmus.kit import Effect, Parameter
 from fmus.kit.functions import cos
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.candidates.told_apart import told_apart
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import ranking
 from orchestration.discrepancy.selection.ranking import ranked
@@ -65,9 +62,9 @@ def test_the_nearer_simulation_comes_first_though_a_colour_whitens_what_the_othe
     base = search.nominal()
     scored = score(search, base, [NEAR, FAR])
     found = ranked(search, base, [scored], [NEAR, FAR])
-    own = {f.effect: search.fit_from(f.candidate, f) for f, _ in found}
+    own = {f.effect: search.fit_from(f.candidate, f) for f, _ in found.rows}
     assert own[FAR].fit.bic < own[NEAR].fit.bic  # otherwise this record shows nothing
-    assert [f.effect for f, _ in found] == [NEAR, FAR]
+    assert [f.effect for f, _ in found.rows] == [NEAR, FAR]
     columns = {NEAR: slow, FAR: quick}
     by_regression = {
         e: np.linalg.lstsq(
@@ -82,7 +79,7 @@ def test_all_are_held_against_each_other_in_one_noise():
     data = two_parts(3)
     search = Search(data, Amplifier, ["gain"])
     base = search.nominal()
-    (first, _), (second, _) = ranked(search, base, [score(search, base, [NEAR, FAR])], [NEAR, FAR])
+    (first, _), (second, _) = ranked(search, base, [score(search, base, [NEAR, FAR])], [NEAR, FAR]).rows
     assert first.fit.noise["shown"].coefficients == pytest.approx(second.fit.noise["shown"].coefficients)
     assert first.fit.noise["shown"].deviation < second.fit.noise["shown"].deviation
 
@@ -104,12 +101,6 @@ def test_a_second_cause_takes_away_a_tenth_of_what_was_wrong(share, named):
     assert selection.unsure == ({"far"} - {*named})
 
 
-def fitted(data, effects):
-    search = Search(data, Amplifier, ["gain"])
-    base = search.nominal()
-    return {f.effect: f for f, _ in ranked(search, base, [score(search, base, effects)], effects)}
-
-
 @pytest.mark.parametrize(("quick_part", "fitted"), [(0.6, {NEAR, FAR}), (0.0, {NEAR})])
 def test_all_are_fitted_where_the_promising_leave_structure(monkeypatch, quick_part, fitted):
     monkeypatch.setattr(ranking, "PROMISING", 1)
@@ -117,54 +108,7 @@ def test_all_are_fitted_where_the_promising_leave_structure(monkeypatch, quick_p
     search = Search(data, Amplifier, ["gain"])
     base = search.nominal()
     found = ranked(search, base, [score(search, base, [NEAR, FAR])], [NEAR, FAR])
-    assert {f.effect for f, _ in found} == fitted
-
-
-def wrong_in_turn():
-    """One follows the record where the other does not: who is nearer in all hangs on how long each stretch is."""
-    stretch = np.repeat(np.arange(8), COUNT // 8)
-    random = np.random.default_rng(6)
-    signal = random.standard_normal(COUNT)
-    one, other = effect("one", lambda s: s * s - 1.0), effect("other", lambda s: s * s * s - 3.0 * s)
-    odd = signal**3 - 3.0 * signal
-    hidden = np.where(stretch % 2 == 0, 1.05 * (signal**2 - 1.0), odd / np.sqrt(3.0))
-    shown = GAIN * signal + hidden + SPREAD * random.standard_normal(COUNT)
-    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown}), [one, other]
-
-
-def test_models_that_are_wrong_in_turn_are_not_told_apart():
-    better, worse = sorted(fitted(*wrong_in_turn()).values(), key=lambda f: f.fit.bic)
-    assert worse.fit.bic - better.fit.bic > 6.0  # by the criterion there is strong evidence
-    assert not told_apart(better, worse)
-
-
-def test_what_is_not_told_apart_is_an_alternative():
-    data, effects = wrong_in_turn()
-    first = select(Search(data, Amplifier, ["gain"]), effects).steps[0]
-    assert len(first.alternatives) == 1
-
-
-def test_a_model_that_is_nearer_all_along_is_told_apart():
-    data = two_parts(7)
-    both = fitted(data, [NEAR, FAR])
-    assert isinstance(both[NEAR], FittedCandidate)
-    assert told_apart(both[NEAR], both[FAR])
-    assert not told_apart(both[FAR], both[NEAR])
-
-
-@pytest.mark.parametrize(("size", "apart"), [(0.9, False), (1.1, True)])
-def test_a_rival_whose_free_run_is_nearer_is_not_told_apart(size, apart):
-    """A slow error is likelier than a white one in its own colour, however large; in white noise the nearer one is."""
-    random, every = np.random.default_rng(9), np.ones(3000, dtype=bool)
-    slow = lfilter([1.0], [1.0, -0.95], random.standard_normal(3000))
-    white = size * np.std(slow) * random.standard_normal(3000)
-    noise, weights = {"y": estimate(slow, every)}, {"y": np.ones(3000)}
-    problem = SimpleNamespace(present={"y": every})
-    better, other = (
-        FittedCandidate(None, problem, SimpleNamespace(residual={"y": left}, noise=noise, weights=weights))
-        for left in (slow, white)
-    )
-    assert told_apart(better, other) is apart
+    assert {f.effect for f, _ in found.rows} == fitted
 
 
 def left_by_a_model(residual):

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from fmus.kit import Effect, Parameter
+from fmus.kit.functions import cos
 from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.selection import revision
 from orchestration.discrepancy.selection.revision import _chain, _fitted, explaining, revised
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
@@ -23,6 +25,7 @@ SHARE = 0.3  # of what only the mixture does
 SHAPES = {
     "even": lambda s: s * s - 1.0,
     "odd": lambda s: s * s * s - 3.0 * s,
+    "far": lambda s: np.cos(40.0 * s) if isinstance(s, np.ndarray) else cos(40.0 * s),
     "mixture": lambda s: (s * s - 1.0) + (s * s * s - 3.0 * s) + SHARE * (s * s * s * s - 6.0 * s * s + 3.0),
 }
 
@@ -42,12 +45,12 @@ def effect(name):
     return made
 
 
-EFFECTS = [effect(name) for name in SHAPES]
+EFFECTS = [effect(name) for name in SHAPES if name != "far"]
 
 
 def columns(signal):
     """What the model and each effect does to the output."""
-    return {"": signal} | {name: shape(signal) for name, shape in SHAPES.items()}
+    return {"": signal} | {name: shape(signal) for name, shape in SHAPES.items() if name != "far"}
 
 
 def best_set(data):
@@ -82,6 +85,20 @@ def test_what_was_taken_for_the_sum_of_two_causes_does_not_stay_beside_them(seed
     together = revised(search, forward, EFFECTS)
     assert {step.chosen.effect_name for step in together.steps} == best_set(data) == {"even", "odd"}
     assert all(step.gain > 10.0 for step in together.steps)
+
+
+def test_only_what_came_near_is_tried_in_the_place_of_another(monkeypatch):
+    far, asked = effect("far"), list[set[str]]()
+    data = record({"even": 1.0, "odd": 0.58}, 2)
+    search = Search(data, Amplifier, ["gain"])
+    forward = select(search, [*EFFECTS, far])
+    assert forward.steps[0].gains["far"] < 0.0 < forward.steps[0].gain
+    plain = revision.ranked
+    monkeypatch.setattr(revision, "ranked", lambda *given: asked.append({e.id for e in given[3]}) or plain(*given))
+    together = revised(search, forward, [*EFFECTS, far])
+    assert {step.chosen.effect_name for step in together.steps} == {"even", "odd"}
+    assert asked
+    assert all("far" not in names for names in asked)
 
 
 @pytest.mark.parametrize("seed", [2, 3])

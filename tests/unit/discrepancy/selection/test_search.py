@@ -12,9 +12,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
+from fmus.kit import Output, Parameter
+from fmus.kit.functions import minimum
 from fmus.kit.sensors import sensor_lag, transport_delay
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from tests.support.gain import Gain
@@ -66,3 +70,33 @@ def test_a_delayed_sensor_shows_at_first_what_was_before_the_record():
     (first,) = select(search, effects).steps
     assert first.chosen.effect_name == "transport_delay(voltage)"
     assert np.abs(first.chosen.fit.residual["voltage"]).max() < 0.02  # else the first half second is off by 0.8 V
+
+
+class Deaf(Gain):
+    """A gain, and a level that the record never comes to."""
+
+    level = Parameter(5.0, "1", min=1.0, max=9.0, doc="beyond which it would level off")
+
+    @Output("1")
+    def y(self):
+        """What comes out."""
+        return minimum(self.factor * self.u, self.level)
+
+
+def test_what_leaves_no_trace_is_not_searched_and_comes_back_at_the_end():
+    data = recorded(np.random.default_rng(4).standard_normal(600))
+    search = Search(data, Deaf, ["factor", "level"])
+    base = search.nominal()
+    assert base.problem.names == ["factor", "level"]
+    heard, again = search.heard(base)
+    assert again.free_run.q.shape == again.fit.q.shape
+    assert (list(heard.parameters), again.problem.names) == (["factor"], ["factor"])
+    assert again.fit.values["factor"] == pytest.approx(base.fit.values["factor"], rel=1e-6)
+    assert again.fit.parameters == base.fit.parameters - 1
+    within = Search(data, Gain, ["factor"])
+    assert within.heard(within.nominal())[0] is within
+    for holdout in (None, data):
+        said = diagnose(Deaf, data, [], holdout=holdout)
+        assert set(said.estimates) == {"factor", "level"}
+        undetermined = [note.facts["names"] for note in said.notes if note.code is NoteCode.UNDETERMINED]
+        assert undetermined == [("level",)]
