@@ -15,7 +15,7 @@ from benchmarks import answers, hidden, hidden_two
 from benchmarks.floor import BASE, Fitted
 from tests.support.clean.records import draw
 from tests.support.hidden.change import static
-from tests.support.hidden.plants import NAMES, altered
+from tests.support.hidden.plants import USUAL, altered
 from tests.support.hidden.records import HiddenCase, cases, cases_of_two, draw_hidden, left, left_beside
 from tests.support.hidden.variations import OUTSIDE
 
@@ -31,7 +31,7 @@ def test_cases_of_two_repeat_and_are_two_causes():
     drawn = cases_of_two(300, 3)
     assert drawn == cases_of_two(300, 3)
     assert [case.second for case in drawn] != [case.second for case in cases_of_two(300, 4)]
-    assert {case.plant for case in drawn} == {*NAMES}
+    assert {case.plant for case in drawn} == {*USUAL}
     assert {case.strength for case in drawn} == {1.0, 0.3}
     for case in drawn:
         first, second = (one.variation for one in case.alone())
