@@ -256,7 +256,7 @@ def diagnose(
         Parameters that differ from record to record.
     effects : sequence of str, optional
         Only these, as ``id`` or ``id(output)``; an empty one only recalibrates. ``["families"]`` is all that is known
-        and what fits the model's laws by their units.
+        and what fits the model's laws by their units, which is the default where a model's file lists no effects.
     hold : sequence of str
         Parameters that are known and not fitted.
     settings : Mapping of str to float or str, optional

@@ -38,8 +38,8 @@ class Options:
     given : Mapping of str to float
         Values of parameters where the search starts, and of inputs that stayed at a value, SI.
     effects : sequence of str, optional
-        Effects to consider, as ``id`` or ``id(output)``; all of the catalogue unless given. ``"families"`` is all of it
-        and what fits the model's laws by their units.
+        Effects to consider, as ``id`` or ``id(output)``. ``"families"`` is the catalogue and what fits the model's laws
+        by their units, which is what is considered where a model's file lists no effects; else the catalogue is.
     hold : sequence of str
         Parameters that are known and not fitted.
     each : sequence of str
@@ -252,8 +252,11 @@ def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[No
 def _considered(
     cls: type[Component], data: Dataset, fixed: Mapping[str, float], wanted: Sequence[str] | None
 ) -> list[type[Effect]]:
-    """Pick effects by name or id; the component's own and those of measuring it unless some are wanted."""
-    known = catalogue(cls, known_effects(cls), data.measured)
+    """Pick effects by name or id; unless some are wanted, the component's own, or families if it lists none."""
+    own = known_effects(cls)
+    if wanted is None and not own:
+        wanted = (FAMILIES,)
+    known = catalogue(cls, own, data.measured)
     there = {label(effect) for effect in known} | {effect.id for effect in known}
     if wanted is None or there.issuperset(wanted):
         return [e for e in known if wanted is None or e.id in wanted or label(e) in wanted]

@@ -38,7 +38,7 @@ Effects = Annotated[
     option(
         "--effects",
         help="Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates; families: all that is known and "
-        "what fits the model's laws by their units, e.g. dead_zone(voltage).",
+        "what fits the model's laws by their units, e.g. dead_zone(voltage), the default where its file lists none.",
         autocompletion=complete_effects,
     ),
 ]

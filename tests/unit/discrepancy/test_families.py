@@ -62,7 +62,7 @@ def folder(tmp_path_factory):
 
 def test_a_dead_zone_is_named_that_no_file_lists(folder):
     model = f"{folder / 'drive.py'}:Drive"
-    said = ppy.diagnose(folder / "drive.csv", model, effects=["families"])
+    said = ppy.diagnose(folder / "drive.csv", model)
     assert (said.verdict, said.causes) == ("cause", ["dead_zone(voltage)"])
     for name, true in (("gain", GAIN), ("lag", LAG), ("voltage_dead_zone", DEAD)):
         low, high = said.parameters[name].interval
@@ -70,7 +70,15 @@ def test_a_dead_zone_is_named_that_no_file_lists(folder):
         assert low - margin <= true <= high + margin, name
     native, _ = said.fmu(folder / "better.fmu")
     assert native.exists()
-    assert ppy.diagnose(folder / "drive.csv", model).causes != ["dead_zone(voltage)"], "it has to be asked for"
+
+
+def test_they_have_to_be_asked_for_where_a_file_lists_its_own(folder):
+    listing = "from fmus.kit.generic import force_offset\n" + MODEL
+    listing += '\n\nEFFECTS = {"force_offset": force_offset(Drive, "drag", unit="rad/s")}\n'
+    (folder / "listing.py").write_text(listing, encoding="utf-8")
+    model = f"{folder / 'listing.py'}:Drive"
+    assert ppy.diagnose(folder / "drive.csv", model).causes != ["dead_zone(voltage)"]
+    assert ppy.diagnose(folder / "drive.csv", model, effects=["families"]).causes == ["dead_zone(voltage)"]
 
 
 def test_one_of_them_can_be_asked_for_by_name(folder):
