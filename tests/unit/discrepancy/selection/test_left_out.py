@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from fmus.kit import Effect, Parameter
+from fmus.kit.inputs import dead_zone
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.selection import ranking
+from orchestration.discrepancy.selection import ranking, stepwise
 from orchestration.discrepancy.selection.left_out import Blocks, foretells_better, foretold
 from orchestration.discrepancy.selection.ranking import Ranking, ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
-from tests.support.regression_model import GAIN, SPREAD, STEP, Amplifier
+from tests.support.regression_model import GAIN, OTHERS, SPREAD, STEP, Amplifier
 
 COUNT = 1600  # 16 blocks of 100
 TIMES = 4
@@ -187,3 +189,29 @@ def test_what_was_not_foretold_is_neither_named_nor_an_alternative():
     assert found.may_be((one, 50.0))
     assert not found.may_be((other, 60.0))
     assert not found.are_alike((one, 50.0), (other, 60.0))
+
+
+def test_blocks_that_agree_are_evidence_where_a_likelihood_is_none(monkeypatch):
+    monkeypatch.setattr(FittedCandidate, "robust_fall", lambda *_: 0.0)
+    mixed = record(lambda s, k: even(s) + 0.05 * quartic(s) * (1.0 + 0.5 * (k % 2)))
+    assert [step.chosen.effect_name for step in select(Search(mixed, Amplifier, ["gain"]), [EVEN]).steps] == ["even"]
+    right = record(lambda s, _: 0.5 * even(s))  # no block is asked where the model is right
+    assert select(Search(right, Amplifier, ["gain"]), [EVEN]).steps == []
+
+
+def test_a_nearer_fit_that_is_known_stays():
+    data = record(wrong_in_turn, 6)
+    search, base, scored = searched(data, [EVEN, ODD])
+    before = ranked(search, base, [scored], [EVEN, ODD]).near[EVEN]
+    nearer = replace(before, fit=replace(before.fit, deviance=before.fit.deviance - 1.0))
+    assert ranked(search, base, [scored], [EVEN, ODD], {EVEN: nearer}).near[EVEN] is nearer
+    farther = replace(before, fit=replace(before.fit, deviance=before.fit.deviance + 1.0))
+    assert ranked(search, base, [scored], [EVEN, ODD], {EVEN: farther}).near[EVEN] is not farther
+
+
+@pytest.mark.parametrize(("gains", "first"), [((50.0, 51.0), 0), ((50.0, 57.0), 1)])
+def test_a_law_comes_before_an_input_that_explains_as_much(gains, first):
+    law, of_input = OTHERS[0], dead_zone(Amplifier, "signal")
+    rows = [(type("Fitted", (), {"effect": e})(), gain) for e, gain in zip((law, of_input), gains, strict=True)]
+    found = Ranking(rows[::-1], dict.fromkeys((law, of_input), np.zeros(16)), np.ones(16))
+    assert stepwise._in_turn(found)[0] is rows[first]
