@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize, nnls
 from scipy.signal import butter, filtfilt
 
+import orchestration
 from orchestration.discrepancy.selection.stepwise import MOST
 from orchestration.records import read_record
 from tests.support.command import works
@@ -197,3 +198,25 @@ def test_pulses_of_a_cell_are_one_record(public_data, tmp_path):
     assert figures["gain"]["holdout_nrmse_before"]["voltage"] <= 0.13
     assert {name for name in values if name.startswith("ocv")} == {f"ocv@{k}" for k in range(7)}
     assert [run["record"] for run in figures["runs"] if run["held_out"]] == ["7", "8", "9"]
+
+
+@pytest.mark.slow
+def test_families_find_the_capacitance_of_a_cell_whose_voltage_changes_it(public_data):
+    """Fitted at 3 A, judged at 2.2 A; the model that came with the record has one capacitance."""
+    fitted, judged = public_data("supercapacitor_maxwell_3A.csv"), public_data("supercapacitor_maxwell_2p2A.csv")
+    model = f"{fitted.parent / 'models' / 'supercapacitor.py'}:Supercap"
+    said = orchestration.diagnose(fitted, model, holdout=judged, effects=["families"], time=300.0)
+    assert said.causes[0] == "capacitance_of_voltage(open_voltage)"
+    assert said.gain.after["voltage"] < 0.02 < said.gain.before["voltage"]
+
+
+@pytest.mark.slow
+def test_families_find_the_second_pair_of_a_cell(public_data):
+    """Seven pulses, of which one is far out; a lag of the current is the same to a record."""
+    record = public_data("lfp_cell_ten_pulses.csv")
+    model = f"{record.parent / 'models' / 'lfp_cell.py'}:Cell"
+    said = orchestration.diagnose(
+        record, model, runs="pulse", holdout="7,8,9", each=["ocv"], effects=["families"], time=300.0
+    )
+    assert {"second_kelvin", "input_lag(current)"} & {*said.causes[:1], *said.alternatives}
+    assert said.gain.after["voltage"] < 0.115
