@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from fmus.kit import Component, Input, Output, Parameter
+from fmus.kit import Component, Effect, Input, Output, Parameter
 from fmus.kit.generic import asymmetric_friction, coulomb_friction, cubic_stiffness, force_offset
 from orchestration.discrepancy.data.dataset import Dataset
 
@@ -38,6 +41,21 @@ OTHERS = [make(Amplifier, "amplified", "signal", unit="V")
 
 
 ASYMMETRY = OTHERS[1]
+
+
+def shaped(name: str, shape: Callable[[Any], Any]) -> type[Effect]:
+    """An effect: some of a function of the signal more, in volts."""
+
+    def amplified(self: Any) -> Any:
+        return super(made, self).amplified() + getattr(self, name) * shape(self.signal)
+
+    amplified.__doc__ = "Add it."
+    declared = Parameter(0.0, "V", min=-1e3, max=1e3, nominal=0.1, doc="how much of it")
+    made = type(name.title(), (Effect,), {
+        "__doc__": "More of a shape.", "__module__": __name__, "id": name, "assumption": "nothing is added",
+        "neutral": name, name: declared, "amplified": amplified,
+    })  # fmt: skip
+    return made
 
 
 def offset_record(ratio: float, seed: int) -> Dataset:

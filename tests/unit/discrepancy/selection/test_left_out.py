@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import Effect, Parameter
 from fmus.kit.inputs import dead_zone
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
@@ -17,25 +16,10 @@ from orchestration.discrepancy.selection.ranking import Ranking, ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
-from tests.support.regression_model import GAIN, OTHERS, SPREAD, STEP, Amplifier
+from tests.support.regression_model import GAIN, OTHERS, SPREAD, STEP, Amplifier, shaped
 
 COUNT = 1600  # 16 blocks of 100
 TIMES = 4
-
-
-def effect(name, shape):
-    """Some of a function of the signal more, in volts."""
-
-    def amplified(self):
-        return super(made, self).amplified() + getattr(self, name) * shape(self.signal)
-
-    amplified.__doc__ = "Add it."
-    declared = Parameter(0.0, "V", min=-1e3, max=1e3, nominal=0.1, doc="how much of it")
-    made = type(name.title(), (Effect,), {
-        "__doc__": "More of a shape.", "__module__": __name__, "id": name, "assumption": "nothing is added",
-        "neutral": name, name: declared, "amplified": amplified,
-    })  # fmt: skip
-    return made
 
 
 def even(s):
@@ -50,7 +34,7 @@ def quartic(s):
     return s * s * s * s - 6.0 * s * s + 3.0
 
 
-EVEN, ODD, QUARTIC = effect("even", even), effect("odd", odd), effect("quartic", quartic)
+EVEN, ODD, QUARTIC = shaped("even", even), shaped("odd", odd), shaped("quartic", quartic)
 SHAPES = {EVEN: even, ODD: odd, QUARTIC: quartic}
 
 

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fmus.kit import Effect, Parameter
 from fmus.kit.functions import cos
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import ranking
@@ -16,22 +15,7 @@ from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import loses_memory, select
 from orchestration.identify.noise.model import estimate
-from tests.support.regression_model import COUNT, GAIN, SPREAD, STEP, Amplifier
-
-
-def effect(name, shape):
-    """Some of a function of the signal more, in volts."""
-
-    def amplified(self):
-        return super(made, self).amplified() + getattr(self, name) * shape(self.signal)
-
-    amplified.__doc__ = "Add it."
-    declared = Parameter(0.0, "V", min=-1e3, max=1e3, nominal=0.1, doc="how much of it")
-    made = type(name.title(), (Effect,), {
-        "__doc__": "More of a shape.", "__module__": __name__, "id": name, "assumption": "nothing is added",
-        "neutral": name, name: declared, "amplified": amplified,
-    })  # fmt: skip
-    return made
+from tests.support.regression_model import COUNT, GAIN, SPREAD, STEP, Amplifier, shaped
 
 
 def slow(s):
@@ -42,7 +26,7 @@ def quick(s):
     return cos(40.0 * s)
 
 
-NEAR, FAR = effect("near", slow), effect("far", quick)
+NEAR, FAR = shaped("near", slow), shaped("far", quick)
 
 
 def two_parts(seed, quick_part=0.6, count=COUNT):

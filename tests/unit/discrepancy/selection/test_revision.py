@@ -8,7 +8,6 @@ from itertools import chain, combinations
 import numpy as np
 import pytest
 
-from fmus.kit import Effect, Parameter
 from fmus.kit.functions import cos
 from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
@@ -18,7 +17,7 @@ from orchestration.discrepancy.selection.revision import _chain, _fitted, explai
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
-from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record
+from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record, shaped
 
 SHARE = 0.3  # of what only the mixture does
 # Polynomials of a Gaussian signal without a mean, which an autoregression might take for noise (Hermite).
@@ -30,22 +29,7 @@ SHAPES = {
 }
 
 
-def effect(name):
-    """Some of a shape more, in volts."""
-
-    def amplified(self):
-        return super(made, self).amplified() + getattr(self, name) * SHAPES[name](self.signal)
-
-    amplified.__doc__ = "Add it."
-    declared = Parameter(0.0, "V", min=-1e3, max=1e3, nominal=0.1, doc="how much of it")
-    made = type(name.title(), (Effect,), {
-        "__doc__": "More of a shape.", "__module__": __name__, "id": name, "assumption": "nothing is added",
-        "neutral": name, name: declared, "amplified": amplified,
-    })  # fmt: skip
-    return made
-
-
-EFFECTS = [effect(name) for name in SHAPES if name != "far"]
+EFFECTS = [shaped(name, SHAPES[name]) for name in SHAPES if name != "far"]
 
 
 def columns(signal):
@@ -88,7 +72,7 @@ def test_what_was_taken_for_the_sum_of_two_causes_does_not_stay_beside_them(seed
 
 
 def test_only_what_came_near_is_tried_in_the_place_of_another(monkeypatch):
-    far, asked = effect("far"), list[set[str]]()
+    far, asked = shaped("far", SHAPES["far"]), list[set[str]]()
     data = record({"even": 1.0, "odd": 0.58}, 2)
     search = Search(data, Amplifier, ["gain"])
     forward = select(search, [*EFFECTS, far])
