@@ -1,4 +1,4 @@
-"""Both builds of a class, held against each other."""
+"""Checks of every effect of a component: both builds held against each other, and values that are refused."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
+from tests.contract.checks import refused
+from tests.contract.raw import instance
 
 
 def check_that_builds_agree(
@@ -37,3 +39,14 @@ def check_that_builds_agree(
         found, expected = (results[runtime][output.name] for runtime in RUNTIMES)
         assert np.ptp(expected) > 0.0 or output.name in still, output.name
         assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max(), output.name
+
+
+def check_that_bad_values_are_refused(cls: type[Component], bad: dict[str, float], allowed: str, folder: Path) -> None:
+    """A value out of range is refused at the end of initialization, by the parameter's name and with its range."""
+    path = folder / "model.fmu"
+    path.write_bytes(build(cls, "python", [host_platform()]))
+    with instance(path) as one:
+        (message,) = refused(one, bad)
+    ((parameter, _),) = bad.items()
+    assert message.startswith(f"parameter '{parameter}' = ")
+    assert message.endswith(f"is outside its range {allowed}")

@@ -13,12 +13,8 @@ import fmus
 from fmus.degradation_estimator.effects import EFFECTS
 from fmus.degradation_estimator.model import DegradationEstimator
 from fmus.kit import stack
-from fmus.kit.build import build
-from fmus.kit.build.toolchain import host_platform
 from fmus.kit.record.compiled import CompiledModel
-from tests.contract.checks import refused
-from tests.contract.raw import instance
-from tests.support.builds import check_that_builds_agree
+from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
 from tests.support.effect_samples import named
 
 R1, R2, C, PERIOD = 0.43, 2.35, 2.70, 0.1  # ohm, ohm, F, s
@@ -161,8 +157,4 @@ def test_builds_agree_on_all_effects(tmp_path):
     ],
 )
 def test_bad_values_are_refused(tmp_path, name, bad, allowed):
-    path = tmp_path / "estimator.fmu"
-    path.write_bytes(build(stack(DegradationEstimator, EFFECTS[name]), "python", [host_platform()]))
-    with instance(path) as one:
-        (message,) = refused(one, bad)
-        assert message.endswith(f"is outside its range {allowed}")
+    check_that_bad_values_are_refused(stack(DegradationEstimator, EFFECTS[name]), bad, allowed, tmp_path)

@@ -12,13 +12,9 @@ import fmus
 from fmus.foot.effects import EFFECTS
 from fmus.foot.model import Foot, FootDynamic
 from fmus.kit import stack
-from fmus.kit.build import build
-from fmus.kit.build.toolchain import host_platform
 from fmus.kit.integrate import Integrator
 from fmus.kit.symbolic.trace import trace
-from tests.contract.checks import refused
-from tests.contract.raw import instance
-from tests.support.builds import check_that_builds_agree
+from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
 from tests.support.clean.foot import Foot as Stand
 from tests.support.clean.foot import moving, turning
 from tests.support.effect_samples import named
@@ -268,10 +264,4 @@ def test_builds_agree_on_all_effects(base, tmp_path):
     ],
 )
 def test_bad_values_are_refused(tmp_path, name, bad, allowed):
-    path = tmp_path / "foot.fmu"
-    path.write_bytes(build(stack(Foot, EFFECTS[name]), "python", [host_platform()]))
-    with instance(path) as one:
-        (message,) = refused(one, bad)
-        ((parameter, _),) = bad.items()
-        assert message.startswith(f"parameter '{parameter}' = ")
-        assert message.endswith(f"is outside its range {allowed}")
+    check_that_bad_values_are_refused(stack(Foot, EFFECTS[name]), bad, allowed, tmp_path)
