@@ -199,3 +199,29 @@ def test_a_law_comes_before_an_input_that_explains_as_much(gains, first):
     rows = [(type("Fitted", (), {"effect": e})(), gain) for e, gain in zip((law, of_input), gains, strict=True)]
     found = Ranking(rows[::-1], dict.fromkeys((law, of_input), np.zeros(16)), np.ones(16))
     assert stepwise._in_turn(found)[0] is rows[first]
+
+
+@pytest.mark.parametrize(("lowered", "looks"), [(5.0, 1), (20.0, 2)])
+@pytest.mark.parametrize("late", [False, True])
+def test_a_better_optimum_of_the_model_below_asks_for_a_second_look(monkeypatch, lowered, looks, late):
+    """What the second look finds counts, unless the time was spent in it."""
+    plain, nested, seen = stepwise.ranked, Search.nested, []
+    search = Search(record(lambda s, _: 0.5 * even(s)), Amplifier, ["gain"])
+
+    def better(self, below, richer):
+        found = nested(self, below, richer)
+        once = 0.0 if seen[1:] else lowered
+        return replace(found, fit=replace(found.fit, deviance=found.fit.deviance - once))
+
+    def looked(*given):
+        seen.append(given)
+        if len(seen) < 2:
+            return plain(*given)
+        monkeypatch.setattr(search.budget, "spent", lambda: late)
+        return Ranking()
+
+    monkeypatch.setattr(Search, "nested", better)
+    monkeypatch.setattr(stepwise, "ranked", looked)
+    named = [step.chosen.effect_name for step in select(search, [EVEN]).steps]
+    assert len(seen) == looks
+    assert named == (["even"] if looks == 1 or late else [])
