@@ -46,7 +46,7 @@ WORSE = 1.02  # of the best of the others, what a refit may leave
 COARSE = 0.05  # s, steps of the judge's simulations of what is not linear
 
 
-def judge(case: Case, fitted: bool = True) -> Row:
+def judge(case: Case, fitted: bool = True, effects: Sequence[str] | None = None) -> Row:
     """Draw a record, diagnose it from its file, and tell what was said and what is true.
 
     Parameters
@@ -54,9 +54,11 @@ def judge(case: Case, fitted: bool = True) -> Row:
     case : Case
     fitted : bool
         Whether plain least squares is made as well, which takes longer than the diagnosis.
+    effects : sequence of str, optional
+        That are considered; those of the models unless given.
     """
     drawn = draw(case)
-    result, row = diagnosed(drawn)
+    result, row = diagnosed(drawn, effects)
     row = asdict(case) | row
     if result is None:
         return row
@@ -171,10 +173,17 @@ def _least(drawn: CleanRecord) -> Row:
     return {"least": error}
 
 
-def run(wanted: Sequence[Case], kept: Path, every: int, progress: Callable[[str], None] = print) -> list[Row]:
+def run(
+    wanted: Sequence[Case], kept: Path, every: int, progress: Callable[[str], None] = print,
+    effects: Sequence[str] | None = None,
+) -> list[Row]:  # fmt: skip
     """Judge all cases that are not kept yet; every so-manieth is held against least squares."""
     numbers = {case: k for k, case in enumerate(wanted, start=1)}
-    return judged(wanted, kept, lambda case: judge(case, every > 0 and numbers[case] % every == 0), _said, progress)
+
+    def one(case: Case) -> Row:
+        return judge(case, every > 0 and numbers[case] % every == 0, effects)
+
+    return judged(wanted, kept, one, _said, progress)
 
 
 def _said(row: Row) -> str:
@@ -300,13 +309,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.clean", description=__doc__.split("\n\n")[0])
     add_options(parser, 320, "clean")
     parser.add_argument("--every", type=int, default=4, help="hold every so-manieth against least squares; 0 for none")
+    parser.add_argument("--effects", nargs="*", help="considered instead of those that the models list: families")
     parser.add_argument("--out", type=Path, help="page; default docs/clean-records.md unless some are left out")
     chosen = parser.parse_args(arguments)
     wanted = among(cases(chosen.records, chosen.seed), chosen)
     kept = chosen.kept or ROOT / "build" / "clean" / f"{chosen.seed}.jsonl"
-    text = str(report(run(wanted, kept, chosen.every, lambda line: print(line, flush=True))))
+    text = str(report(run(wanted, kept, chosen.every, lambda line: print(line, flush=True), chosen.effects)))
     print("\n" + text)
-    page = chosen.out or (None if chosen.only or chosen.without else PAGE)
+    page = chosen.out or (None if chosen.only or chosen.without or chosen.effects else PAGE)
     if page is not None:
         head = _HEAD.format(records=chosen.records, seed=chosen.seed)
         page.write_text(head + text + "\n", encoding="utf-8")
