@@ -6,6 +6,8 @@ import ctypes
 from collections.abc import Mapping
 from typing import Any
 
+import pytest
+
 from tests.contract.raw import OK, Instance, references
 from tests.support.rig.small_rig import INPUTS, SmallRig
 
@@ -48,3 +50,12 @@ def connected(one: Instance, rig: SmallRig, values: Mapping[str, float] | None =
     for name, text in ({"endpoint": rig.endpoint} | texts).items():
         assert set_text(one, name, text) == OK, one.messages
     return one.initialize(values)
+
+
+def answered(one: Instance, **outputs: float) -> None:
+    """Step on until outputs show what a command makes of them; a loaded machine takes more than one step for it."""
+    for _ in range(100):
+        one.step(0.05)
+        if one.get(*outputs) == pytest.approx(list(outputs.values())):
+            return
+    raise AssertionError(f"{one.get(*outputs)} after a hundred steps, not {outputs}")

@@ -150,13 +150,11 @@ def test_ages_are_those_that_the_rig_told(tmp_path, experiment):
 
 
 def test_what_is_not_measured_any_more_is_a_gap(tmp_path, experiment):
-    def fails_halfway(inputs, now):
-        begun.append(now)
-        late = now - begun[0] > 0.8
-        return {"voltage": None if late else 0.6 * inputs["current"], "displacement": 1e-4 * inputs["force"]}
+    def fails(inputs, now):
+        return {"voltage": None, "displacement": 1e-4 * inputs["force"]}
 
-    begun: list[float] = []
-    with SmallRig(plant=fails_halfway) as rig:
+    with SmallRig() as rig:
+        rig.then[SOME] = lambda: setattr(rig, "plant", fails)
         data = recorded(rig, tmp_path, experiment(2.0))
     assert np.isfinite(data.voltage.values[:4]).any()
     assert np.isnan(data.voltage.values[-8:]).all()
@@ -173,20 +171,12 @@ def test_an_old_value_never_looks_fresh(tmp_path, experiment):
     assert np.isfinite(data.current.values[-5:]).any()
 
 
-def falls_blind(rig, after):
-    """Let a rig measure nothing from some time, in s, after the first command on."""
-    while not rig.of_type("exchange"):
-        time.sleep(0.01)
-    time.sleep(after)
-    rig.measures = False
-
-
 def test_max_age(tmp_path, experiment):
     still = LEVELS.replace('kind = "multilevel"', 'kind = "constant"').split("levels =")[0] + 'value = "0.5 A"\n'
     path = experiment(1.5, 0.05, still)
     for max_age, last in (("0.2s", False), ("5s", True)):
         with SmallRig() as rig:
-            threading.Thread(target=falls_blind, args=(rig, 0.6), daemon=True).start()
+            rig.then[SOME] = lambda rig=rig: setattr(rig, "measures", False)
             data = recorded(rig, tmp_path, path, "--max-age", max_age)
         assert np.isfinite(data.voltage.values[5])
         assert np.isfinite(data.voltage.values[-1]) == last  # the input stands still, so that it would belong to it
