@@ -35,7 +35,7 @@ hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.hidden --two 60 --out docs/hidden-records.md
 
 naming: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.naming --seeds 2
+	$(BIN)/python -m benchmarks.naming --seeds 2 --seed 700
 
 hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output

@@ -9,22 +9,19 @@ import ast
 import hashlib
 import re
 import tokenize
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 _LINE = "Drawn with the code `{}`; `tests/end_to_end/test_studies.py` fails where the code has become another."
 _DOCUMENTED = ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef
-# what a diagnosis is made of, and what its yardstick is drawn with
-DIAGNOSIS = (
-    "fmus/kit", "orchestration/discrepancy/candidates", "orchestration/discrepancy/data",
-    "orchestration/discrepancy/residuals", "orchestration/discrepancy/selection",
-    "orchestration/discrepancy/validation", "orchestration/discrepancy/diagnosis.py", "orchestration/identify",
-)  # fmt: skip
+_OURS = "fmus", "orchestration"
+# what a diagnosis is made of: its module and the families, with all that they import, and the integrators in C
+DIAGNOSIS = "orchestration/discrepancy/diagnosis.py", "fmus/kit/symbolic/families.py", "fmus/kit/fmi2"
 
 
 def digest(paths: Iterable[str]) -> str:
-    """Digest of modules, and of all in folders, relative to the root.
+    """Digest of modules with all of this project that they import, and of all in folders, relative to the root.
 
     Parameters
     ----------
@@ -35,7 +32,7 @@ def digest(paths: Iterable[str]) -> str:
     str
         Twelve hexadecimal digits.
     """
-    files = sorted(file for path in paths for file in _modules(ROOT / path))
+    files = sorted(_with_imported({file for path in paths for file in _modules(ROOT / path)}))
     text = "\n".join(f"{file.relative_to(ROOT).as_posix()} {_meaning(file)}" for file in files)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
@@ -53,6 +50,33 @@ def stamped(page: str) -> str:
 
 def _modules(path: Path) -> list[Path]:
     return [path] if path.is_file() else [file for kind in ("py", "c", "h") for file in path.rglob(f"*.{kind}")]
+
+
+def _with_imported(files: set[Path]) -> set[Path]:
+    """Files, and what of this project they import, and what that imports."""
+    known, new = set(files), set(files)
+    while new:
+        new = {other for file in new if file.suffix == ".py" for other in _imported(file)} - known
+        known |= new
+    return known
+
+
+def _imported(file: Path) -> Iterator[Path]:
+    """Modules that a file imports anywhere."""
+    package = file.relative_to(ROOT).parent.parts
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [tuple(alias.name.split(".")) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            of = package[: len(package) + 1 - node.level] if node.level else ()
+            of = (*of, *(node.module.split(".") if node.module else ()))
+            names = [(*of, alias.name) for alias in node.names]
+        else:
+            continue
+        # the name may be of a module, or of something in it; a package on the way to it adds nothing
+        for name in (name for name in names if name[0] in _OURS):
+            for place in (ROOT.joinpath(*name), ROOT.joinpath(*name[:-1])):
+                yield from (each for each in (place / "__init__.py", place.with_suffix(".py")) if each.is_file())
 
 
 def _meaning(file: Path) -> str:

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import stamp
-from benchmarks.hidden import CODE, PAGE
+from benchmarks import hidden, naming, stamp
 
 
-@pytest.mark.parametrize(("page", "code", "how"), [(PAGE, CODE, "make hidden-study")])
+@pytest.mark.parametrize(
+    ("page", "code", "how"),
+    [(hidden.PAGE, hidden.CODE, "make hidden-study"), (naming.PAGE, naming.CODE, "make naming")],
+)
 def test_a_page_was_drawn_with_this_code(page, code, how):
     said = stamp.stamped(page.read_text(encoding="utf-8"))
     assert said == stamp.digest(code), f"{page.name} is of other code: {how} draws it anew"
@@ -32,3 +34,25 @@ def test_a_digest_is_of_what_code_does(tmp_path: Path, monkeypatch, change, is_a
     before = stamp.digest(["code"])
     module.write_text(change(module.read_text()))
     assert (stamp.digest(["code"]) != before) is is_another
+
+
+@pytest.mark.parametrize(
+    ("line", "is_part"),
+    [
+        ("from fmus.other import two", True),
+        ("from fmus import other", True),
+        ("import fmus.other", True),
+        ("from .other import two", True),
+        ("import json", False),
+    ],
+)
+def test_a_digest_is_of_what_is_imported_too(tmp_path: Path, monkeypatch, line, is_part):
+    monkeypatch.setattr(stamp, "ROOT", tmp_path)
+    folder = tmp_path / "fmus"
+    folder.mkdir()
+    (folder / "one.py").write_text(f"def one():\n    {line}\n")
+    (folder / "other.py").write_text("from .third import three\n\ntwo = three\n")
+    (folder / "third.py").write_text("three = 3\n")
+    before = stamp.digest(["fmus/one.py"])
+    (folder / "third.py").write_text("three = 4\n")
+    assert (stamp.digest(["fmus/one.py"]) != before) is is_part
