@@ -73,10 +73,11 @@ def _imported(file: Path) -> Iterator[Path]:
             names = [(*of, alias.name) for alias in node.names]
         else:
             continue
-        # the name may be of a module, or of something in it; a package on the way to it adds nothing
+        # the name is of a module, or else of something in it; a package on the way to a module adds nothing
         for name in (name for name in names if name[0] in _OURS):
-            for place in (ROOT.joinpath(*name), ROOT.joinpath(*name[:-1])):
-                yield from (each for each in (place / "__init__.py", place.with_suffix(".py")) if each.is_file())
+            places = ROOT.joinpath(*name), ROOT.joinpath(*name[:-1])
+            files = [each for place in places for each in (place / "__init__.py", place.with_suffix(".py"))]
+            yield from [each for each in files if each.is_file()][:1]
 
 
 def _meaning(file: Path) -> str:
