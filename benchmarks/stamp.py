@@ -56,7 +56,9 @@ def _with_imported(files: set[Path]) -> set[Path]:
     """Files, and what of this project they import, and what that imports."""
     known, new = set(files), set(files)
     while new:
-        new = {other for file in new if file.suffix == ".py" for other in _imported(file)} - known
+        # what a study itself imports only hands records over
+        ours = [file for file in new if file.suffix == ".py" and file.relative_to(ROOT).parts[0] in _OURS]
+        new = {other for file in ours for other in _imported(file)} - known
         known |= new
     return known
 
