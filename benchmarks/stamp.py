@@ -16,8 +16,11 @@ ROOT = Path(__file__).resolve().parent.parent
 _LINE = "Drawn with the code `{}`; `tests/end_to_end/test_studies.py` fails where the code has become another."
 _DOCUMENTED = ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef
 _OURS = "fmus", "orchestration"
-# what a diagnosis is made of: its module and the families, with all that they import, and the integrators in C
-DIAGNOSIS = "orchestration/discrepancy/diagnosis.py", "fmus/kit/symbolic/families.py", "fmus/kit/fmi2"
+# what a diagnosis is made of: its module, its data, the families and their sizes, with all that these import, and C
+DIAGNOSIS = (
+    "orchestration/discrepancy/diagnosis.py", "orchestration/discrepancy/data",
+    "orchestration/discrepancy/candidates/typical.py", "fmus/kit/symbolic/families.py", "fmus/kit/fmi2",
+)  # fmt: skip
 
 
 def digest(paths: Iterable[str]) -> str:
@@ -32,9 +35,14 @@ def digest(paths: Iterable[str]) -> str:
     str
         Twelve hexadecimal digits.
     """
-    files = sorted(_with_imported({file for path in paths for file in _modules(ROOT / path)}))
+    files = sorted(sources(paths))
     text = "\n".join(f"{file.relative_to(ROOT).as_posix()} {_meaning(file)}" for file in files)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def sources(paths: Iterable[str]) -> set[Path]:
+    """Files of modules and folders, and all of this project that they import."""
+    return _with_imported({file for path in paths for file in _modules(ROOT / path)})
 
 
 def stamp(paths: Iterable[str]) -> str:

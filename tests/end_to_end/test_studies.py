@@ -56,3 +56,22 @@ def test_a_digest_is_of_what_is_imported_too(tmp_path: Path, monkeypatch, line, 
     before = stamp.digest(["fmus/one.py"])
     (folder / "third.py").write_text("three = 4\n")
     assert (stamp.digest(["fmus/one.py"]) != before) is is_part
+
+
+def test_a_digest_is_not_of_what_hands_records_over(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(stamp, "ROOT", tmp_path)
+    for folder, text in (("benchmarks", "from fmus.reading import read\n"), ("fmus", "read = 1\n")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "reading.py").write_text(text)
+    assert stamp.sources(["benchmarks/reading.py"]) == {tmp_path / "benchmarks" / "reading.py"}
+
+
+@pytest.mark.parametrize("code", [hidden.CODE, naming.CODE])
+def test_a_diagnosis_is_made_of_what_decides_it(code):
+    """What is called through a model or an option, and so by no import of the diagnosis, is named by itself."""
+    deciding = (
+        "fmus/kit/arms.py", "fmus/kit/curves.py", "fmus/kit/fmi2/integrate.c", "fmus/kit/fmi2/exponential.c",
+        "orchestration/discrepancy/candidates/typical.py", "orchestration/discrepancy/data/records.py",
+        "orchestration/discrepancy/selection/left_out.py", "orchestration/identify/noise/model.py",
+    )  # fmt: skip
+    assert {stamp.ROOT / name for name in deciding} <= stamp.sources(code)
