@@ -9,9 +9,9 @@ help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take minutes"
-	@echo "make naming     how often a hidden effect is named, over hundreds of records"
+	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
-	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator"
+	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
 	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
@@ -32,10 +32,10 @@ clean-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.public
 
 hidden-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.hidden --two 60 --out docs/hidden-records.md
+	$(BIN)/python -m benchmarks.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
 
 naming: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.naming --seeds 2 --seed 700
+	$(BIN)/python -m benchmarks.naming --seeds 2 --seed $(or $(SEED),700)
 
 hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output

@@ -160,8 +160,19 @@ def _cause(name: str) -> str:
     return _families().get(name, name)
 
 
-def right(row: dict[str, Any], rivals: bool = True) -> bool:
-    """Whether what was said is what should be, in whatever shape; without rivals, only what stands first counts."""
+def right(row: dict[str, Any], rivals: bool = True, shapes: bool = True) -> bool:
+    """Whether what was said is what should be.
+
+    Parameters
+    ----------
+    row : dict
+        As :func:`judge` gives it.
+    rivals : bool
+        Whether what the verdict tells as a rival of a cause counts, or only what stands first.
+    shapes : bool
+        Whether another shape of the same law over the same signal counts.
+    """
+    cause = _cause if shapes else str
     if row["group"] in CHANGES:
         return row["verdict"] == "recalibrate" and row["differing"][:1] == [CHANGES[row["group"]][0]]
     if row["group"] == "outside the catalogue":
@@ -169,18 +180,18 @@ def right(row: dict[str, Any], rivals: bool = True) -> bool:
     if not row["hidden"]:
         return not row["causes"] and row["verdict"] in ("consistent", "recalibrate")
     if len(row["wanted"]) > 1:
-        groups = [
-            {*map(_cause, (c, *(r if rivals else ())))} for c, r in zip(row["causes"], row["rivals"], strict=True)
-        ]
+        each = zip(row["causes"], row["rivals"], strict=True)
+        groups = [{*map(cause, (name, *(others if rivals else ())))} for name, others in each]
         chosen = permutations(groups, len(row["wanted"]))
-        return any(all(_cause(w) in group for w, group in zip(row["wanted"], some, strict=True)) for some in chosen)
+        return any(all(cause(w) in group for w, group in zip(row["wanted"], some, strict=True)) for some in chosen)
     if row["alike"] and not row["causes"]:
         return row["verdict"] == "recalibrate"  # other parameters of the base model do just the same
     named = [*row["causes"][:1], *(row["rivals"][0] if row["causes"] and rivals else ())]
-    return _cause(row["wanted"][0]) in map(_cause, named)
+    return cause(row["wanted"][0]) in map(cause, named)
 
 
-def _too_many(row: dict[str, Any]) -> bool:
+def too_many(row: dict[str, Any]) -> bool:
+    """Whether more causes are named than were hidden, shapes of one counted once."""
     return len({*map(_cause, row["causes"])}) > len(row["hidden"]) and row["group"] != "outside the catalogue"
 
 
@@ -211,25 +222,28 @@ def run(wanted: Iterable[Case], folder: Path, workers: int, records: Path | None
     return rows
 
 
-def page(rows: list[dict[str, Any]]) -> str:
-    """Write what came of it, as Markdown."""
+def page(rows: list[dict[str, Any]], asked: str = "") -> str:
+    """Write what came of it, as Markdown, with the options that it was asked for by."""
     rows = [row for row in rows if "impossible" not in row]
     groups = list(dict.fromkeys(row["group"] for row in sorted(rows, key=lambda r: r["group"])))
     lines = ["# How often the hidden effect is named", "", __doc__.split("\n\n")[0], ""]
     lines += [
-        f"{len(rows)} records, by seeds from {min(row['seed'] for row in rows)} on. *First* are those in which the "
-        "hidden effect, in whatever shape, stands at the top; *or in the group* adds those in which the verdict "
+        f"Drawn by `python -m benchmarks.naming{asked}`: {len(rows)} records, by seeds that were not looked at before.",
+        "*First* are those in which the hidden effect, in whatever shape, stands at the top, and *in its shape* those "
+        "in which it does so by its own name; *or in the group* adds to the former those in which the verdict "
         "`ambiguous` tells it as a rival of the top. *Too many* are records with more causes than were hidden, shapes "
         "of one law over one signal counted once. What is right where none is hidden is in `benchmarks/naming.py`.",
         "",
         stamp(CODE),
         "",
-        "| records | first | or in the group | too many | of | extended model / true model, held out (median, 90 %) |",
-        "|---|---|---|---|---|---|",
+        "| records | first | in its shape | or in the group | too many | of "
+        "| extended model / true model, held out (median, 90 %) |",
+        "|---|---|---|---|---|---|---|",
     ]
     for group in groups:
         these = [row for row in rows if row["group"] == group]
-        counts = [sum(right(row, rivals=False) for row in these), sum(map(right, these)), sum(map(_too_many, these))]
+        first, shape = (sum(right(row, rivals=False, shapes=any_) for row in these) for any_ in (True, False))
+        counts = [first, shape, sum(map(right, these)), sum(map(too_many, these))]
         ratios = [row["ratio"] for row in these]
         spread = f"{np.median(ratios):.3f}, {np.quantile(ratios, 0.9):.3f}"
         lines.append(f"| {group} | " + " | ".join(map(str, counts)) + f" | {len(these)} | {spread} |")
@@ -280,7 +294,8 @@ def main() -> None:
         c for c in cases(chosen.seeds, chosen.seed) if all(word in f"{c.group} {c.hidden}" for word in chosen.only)
     ]
     folder = chosen.folder or ROOT / "build" / "naming" / digest(CODE)
-    text = page(run(wanted, folder, chosen.workers, chosen.records))
+    asked = f" --seeds {chosen.seeds} --seed {chosen.seed}"
+    text = page(run(wanted, folder, chosen.workers, chosen.records), asked)
     out = chosen.out or (None if chosen.only else PAGE)
     print(text)
     if out is not None:
