@@ -23,6 +23,7 @@ RUNTIME_MODULES = (
     "__init__",
     "arms",
     "component",
+    "corrections",
     "curves",
     "declare",
     "engine",

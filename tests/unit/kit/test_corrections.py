@@ -1,0 +1,384 @@
+"""Corrections of laws: nothing at neutral, each memory, shape and table as SciPy and NumPy have it, in both builds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+
+from fmus.galvanostat.model import Galvanostat
+from fmus.kit import UserError, stack, units
+from fmus.kit.component import effect_name
+from fmus.kit.corrections import KINDS, MEMORIES, Of, correction
+from fmus.kit.curves import SHAPES
+from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.symbolic.trace import trace
+from fmus.ppy_actuator.model import PpyActuator
+from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
+from tests.support.clean.models.pendulum import Pendulum
+from tests.support.corrected import Plain
+
+TIME = np.linspace(0.0, 10.0, 501)
+WAVE = 1.5 * np.sin(1.7 * TIME) + 0.4
+
+
+def run(cls, values, drive=WAVE, **inputs):
+    """Smooth between samples."""
+    return CompiledModel(cls).run(TIME, inputs or {"drive": drive}, values, True).signals
+
+
+def added(effect, values, output="seen", base=Plain, **inputs):
+    """What a correction does to an output, over a smooth wave."""
+    known = {p.name for p in base.layout.parameters}
+    without = run(base, {n: x for n, x in values.items() if n in known}, **inputs)
+    return run(stack(base, effect), values, **inputs)[output] - without[output]
+
+
+CORRECTIONS = [
+    (Plain, correction(Plain, "base", Of("drive", memory, 0.5, "V", 2.0, 0.3), shape, "V", 1.0, kind))
+    for memory in MEMORIES for shape, kind in (("cubic", "add"), ([-1.0, 0.5, 2.0], "multiply"))
+] + [
+    (PpyActuator, correction(PpyActuator, "film_voltage", Of("voltage", "lagged", 3.0, "V"), "saturating", "V")),
+    (PpyActuator, correction(PpyActuator, "charge_elongation", Of("time", "", 0.0, "s", 100.0), "linear", "m", 1e-4)),
+    (Pendulum, correction(Pendulum, "friction", Of("friction", unit="N*m"), "odd_quadratic", "N*m")),
+    (Galvanostat, correction(Galvanostat, "delivered_current", Of("sampled_voltage", unit="V"), [0.0, 1.0], "A")),
+]  # fmt: skip
+each = pytest.mark.parametrize(("base", "effect"), CORRECTIONS, ids=lambda v: v.__name__)
+
+
+# --- neutral ----------------------------------------------------------------------------------------------------------
+
+
+def drawn(cls, seed):
+    rng = np.random.default_rng(seed)
+    values = {p.name: p.start * rng.uniform(0.3, 3.0) for p in cls.layout.parameters if p.type == "real"}
+    return values | {
+        v.name: v.nominal * rng.normal() * 3.0
+        for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes) if v.type == "real"
+    }  # fmt: skip
+
+
+def evaluated(cls, values):
+    model = cls()
+    for name, value in values.items():
+        setattr(model, name, value)
+    found = {f"der({s.name})": x for s, x in zip(cls.layout.states, model.rates(), strict=True)}
+    return found | {o.name: x for o, x in zip(cls.layout.outputs, model.outputs(), strict=True)}
+
+
+@each
+def test_neutral_is_bit_identical(base, effect):
+    cls, moved = stack(base, effect), False
+    tables = [n for n in effect.declared if "_at_" in n]
+    for seed in range(30):
+        values = drawn(cls, seed) | dict.fromkeys(tables, 1.7) | {"time": 3.0}
+        known = {v.name for v in base.layout.variables} | {"time"}
+        expected = evaluated(base, {n: v for n, v in values.items() if n in known})
+        still = evaluated(cls, values | {effect.neutral: 0.0})
+        active = evaluated(cls, values | {effect.neutral: 0.7})
+        for name, value in expected.items():
+            assert still[name] == value, name
+            moved |= active[name] != value
+    assert moved
+
+
+@each
+def test_neutral_is_bit_identical_in_the_graph(base, effect):
+    cls = stack(base, effect)
+    for seed in range(5):
+        values, found = drawn(cls, seed) | {effect.neutral: 0.0}, []
+        for graph in (trace(base), trace(cls)):
+            rates, outputs, *_ = graph.functions(tangent=False)
+            layout = graph.layout
+            groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
+            point = [[float(values.get(v.name, 0.5)) for v in group] for group in groups]
+            n = len(base.layout.states)
+            found.append((rates(3.0, *point).full()[:n], outputs(3.0, *point).full()))
+        for one, other in zip(*found, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@each
+def test_what_is_declared(base, effect):
+    assert effect.assumption
+    assert effect.__doc__.endswith(".")
+    assert "\n" not in effect.__doc__
+    assert effect.declared[effect.neutral].start == 0.0
+    for v in effect.declared.values():
+        assert v.doc
+        units.base_unit(v.unit)
+    own = [p for p in effect.layout.parameters if p.name in effect.declared]
+    assert all(-math.inf < p.min <= p.start < p.max < math.inf for p in own)
+
+
+# --- of which signal --------------------------------------------------------------------------------------------------
+
+
+def linear(of, **about):
+    return correction(Plain, "base", of, "linear", "V", **about)
+
+
+@pytest.mark.parametrize(
+    ("of", "expected"),
+    [
+        (Of("drive"), WAVE),
+        (Of("time"), TIME),
+        (Of("squared"), WAVE**2),
+        (Of("base"), 2.0 + WAVE),
+        (Of("level"), 0.5 + 0.4 * TIME + 1.5 / 1.7 * (1.0 - np.cos(1.7 * TIME))),
+    ],
+    ids=lambda v: getattr(v, "name", ""),
+)
+def test_a_signal_of_every_kind(of, expected):
+    found = added(linear(of), {f"base_of_{of.name}": 3.0})
+    assert found == pytest.approx(3.0 * expected, abs=1e-3 if of.name == "level" else 1e-9), "straight between samples"
+
+
+def behind(x, constant, start, time=TIME):
+    return lsim(([[-1.0 / constant]], [[1.0 / constant]], [[1.0]], [[0.0]]), x, time, X0=[start])[1]
+
+
+def heat(constant, start):
+    """The wave, which is straight between samples, squared behind a lag."""
+    fine = np.linspace(TIME[0], TIME[-1], 50 * (len(TIME) - 1) + 1)
+    return behind(np.interp(fine, TIME, WAVE) ** 2, constant, start, fine)[::50]
+
+
+def accumulated(of):
+    """Integral of a function of the wave, which is straight between samples."""
+    return solve_ivp(lambda t, y: [of(np.interp(t, TIME, WAVE))], (0.0, TIME[-1]), [0.0], "DOP853", TIME,
+                     rtol=1e-8, atol=1e-8, max_step=0.02).y[0]  # fmt: skip
+
+
+@pytest.mark.parametrize("start", [0.0, 0.4])
+@pytest.mark.parametrize(
+    ("memory", "remembered"),
+    [
+        ("lagged", lambda start: behind(WAVE, 0.7, start)),
+        ("leading", lambda start: WAVE - behind(WAVE, 0.7, start)),
+        ("heat", lambda start: heat(0.7, start)),
+        ("integrated", lambda start: start + accumulated(float)),
+        ("throughput", lambda start: start + accumulated(abs)),
+    ],
+)
+def test_each_memory(memory, remembered, start):
+    effect = linear(Of("drive", memory, 0.7, "V", start=start))
+    found = added(effect, {f"base_of_drive_{memory}": 2.0})
+    assert found == pytest.approx(2.0 * remembered(start), abs=1e-4)
+
+
+def test_the_constant_of_a_lag_is_a_parameter():
+    effect = linear(Of("drive", "lagged", 0.7, "V"))
+    values = {"base_of_drive_lagged": 1.0, "base_of_drive_lagged_memory_constant": 2.5}
+    assert added(effect, values) == pytest.approx(behind(WAVE, 2.5, 0.0), abs=1e-5)
+
+
+def test_what_is_remembered_of_the_law_itself_is_without():
+    effect = linear(Of("base", "lagged", 0.7, "V", start=1.0))
+    values = {"base_of_base_lagged": -0.5}
+    assert added(effect, values) == pytest.approx(-0.5 * behind(2.0 + WAVE, 0.7, 1.0), abs=1e-5)
+
+
+def test_what_is_remembered_may_be_computed_from_the_law():
+    """Behind a lag a loop is an equation of motion: T ds/dt = 2 (2 + u + a s) - s."""
+    effect = linear(Of("of_base", "lagged", 0.7, "V"))
+    found = run(stack(Plain, effect), {"base_of_of_base_lagged": -0.8})["seen"]
+    solved = solve_ivp(
+        lambda t, s: [(2.0 * (2.0 + np.interp(t, TIME, WAVE) - 0.8 * s[0]) - s[0]) / 0.7], (0.0, 10.0), [0.0],
+        "DOP853", TIME, rtol=1e-9, atol=1e-10, max_step=0.02,
+    )  # fmt: skip
+    assert found == pytest.approx(2.0 + WAVE - 0.8 * solved.y[0], abs=1e-5)
+
+
+def test_arguments_are_passed_on():
+    effect = correction(Plain, "scaled", Of("drive"), "linear", "V")
+    assert added(effect, {"scaled_of_drive": 0.5}, "other") == pytest.approx(2.0 * 0.5 * WAVE), "it is called twice"
+
+
+# --- by how much ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape(shape):
+    effect = correction(Plain, "base", Of("drive", scale=2.0), shape, "V")
+    values = {"base_of_drive": 1.3} | ({"base_of_drive_width": 0.6} if SHAPES[shape].width else {})
+    exact = [SHAPES[shape].form(float(x), 0.6, 2.0) for x in WAVE]
+    assert added(effect, values) == pytest.approx(1.3 * np.array(exact), abs=1e-9)
+
+
+def test_a_law_multiplied():
+    effect = correction(Plain, "base", Of("drive"), "quadratic", "V", kind="multiply")
+    found = run(stack(Plain, effect), {"base_of_drive": 0.3})["seen"]
+    assert found == pytest.approx((2.0 + WAVE) * (1.0 + 0.3 * WAVE**2))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=8, unique_by=lambda x: round(x, 3)),
+    st.integers(0, 999),
+    st.sampled_from(KINDS),
+    st.booleans(),
+)
+def test_a_table_is_interp(knots, seed, kind, fixed):
+    rng, knots = np.random.default_rng(seed), sorted(knots)
+    heights = rng.normal(size=len(knots))
+    about = {"values": list(heights), "fixed": fixed}
+    model = stack(Plain, correction(Plain, "base", Of("drive"), knots, "V", kind=kind, **about))()
+    share = rng.uniform(-2.0, 2.0)
+    model.base_of_drive = share
+    for x in (*knots, *rng.uniform(-4.0, 4.0, 10)):
+        model.drive = float(x)
+        more = share * float(np.interp(x, knots, heights))
+        expected = (2.0 + x) + more if kind == "add" else (2.0 + x) * (1.0 + more)
+        assert model.seen() == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_a_table_is_interp_in_a_simulation():
+    knots, heights = [-1.0, -0.2, 0.3, 1.6], [2.0, -1.0, 0.5, 3.0]
+    effect = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V")
+    values = {"base_of_drive_lagged": 1.0} | {f"base_of_drive_lagged_at_{k}": y for k, y in enumerate(heights)}
+    exact = np.interp(behind(WAVE, 0.3, 0.0), knots, heights)
+    assert added(effect, values) == pytest.approx(exact, abs=1e-4)
+    fixed = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights, fixed=True)
+    assert added(fixed, {"base_of_drive_lagged": 1.0}) == pytest.approx(exact, abs=1e-4)
+    assert not any("_at_" in name for name in fixed.declared)
+    given = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights)
+    assert [given.declared[f"base_of_drive_lagged_at_{k}"].start for k in range(4)] == heights
+
+
+@pytest.mark.parametrize(
+    ("of", "shape", "kind", "unit"),
+    [
+        (Of("drive", unit="V"), "cubic", "add", "N/V^3"),
+        (Of("drive", "integrated", unit="V"), "linear", "add", "N/(V*s)"),
+        (Of("squared", "throughput", unit="V^2"), "quadratic", "multiply", "1/(V^2*s)^2"),
+        (Of("drive", "throughput"), "linear", "add", "N/s"),
+        (Of("drive", "lagged", 1.0, "V"), "saturating", "add", "N"),
+        (Of("drive", unit="V"), [0.0, 1.0], "add", "1"),
+    ],
+)
+def test_unit_of_the_switch(of, shape, kind, unit):
+    effect = correction(Plain, "base", of, shape, "N", kind=kind)
+    assert units.base_unit(effect.declared[effect.neutral].unit) == units.base_unit(unit)
+
+
+def test_units_of_what_comes_with_it():
+    table = correction(Plain, "base", Of("drive", "integrated", unit="V"), [0.0, 1.0], "N")
+    wanted = {"base_of_drive_integrated": "1", "base_of_drive_integrated_at_0": "N",
+              "base_of_drive_integrated_at_1": "N", "base_of_drive_integrated_memory": "(V)*s"}  # fmt: skip
+    assert {n: v.unit for n, v in table.declared.items()} == wanted
+    table = correction(Plain, "base", Of("drive", unit="V"), [0.0, 1.0], "N", kind="multiply")
+    assert table.declared["base_of_drive_at_0"].unit == "1"
+    bend = correction(Plain, "base", Of("drive", "lagged", 2.0, "V"), "stops", "N")
+    assert bend.declared["base_of_drive_lagged_width"].unit == "V"
+    assert bend.declared["base_of_drive_lagged_memory_constant"].unit == "s"
+
+
+def test_names():
+    effect = correction(Plain, "base", Of("drive", "lagged", 0.25), "cubic")
+    assert effect_name(effect) == "base(drive_lagged)"
+    assert effect.assumption == "base does not hang on drive lagged by 0.25 s like this"
+    assert effect.__doc__ == "base hangs on drive lagged by 0.25 s: a x^3, added."
+    multiplied = correction(Plain, "base", Of("drive", "throughput"), [0.0, 1.0], kind="multiply")
+    text = "base hangs on drive integrated in modulus: a table, multiplied with one and it."
+    assert multiplied.__doc__ == text
+    assert effect.term.family == multiplied.term.family == "base over drive"
+
+
+def test_two_over_one_another():
+    """A table and, of another signal, a shape."""
+    first = correction(Plain, "base", Of("drive"), [0.0, 1.0], "V", values=[1.0, 1.0], fixed=True)
+    second = correction(Plain, "base", Of("time"), "linear", "V", kind="multiply")
+    found = run(stack(Plain, first, second), {"base_of_drive": 0.5, "base_of_time": 0.1})["seen"]
+    assert found == pytest.approx((2.0 + WAVE + 0.5) * (1.0 + 0.1 * TIME))
+
+
+# --- as FMUs ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("memory", MEMORIES, ids=lambda m: m or "none")
+def test_builds_agree(memory, tmp_path):
+    of = Of("squared", memory, 0.5, "V^2", 2.0, 0.3)
+    effects = [correction(Plain, "base", of, "saturating", "V"),
+               correction(Plain, "scaled", of, np.array([0.0, 0.7, 1.5]), "V", kind="multiply",
+                          values=np.array([0.2, -0.3, 0.4]), fixed=memory == "lagged")]  # fmt: skip
+    cls = stack(Plain, *effects, name="corrected")
+    values = {effect.neutral: 0.8 for effect in effects}
+    check_that_builds_agree(cls, values, {"drive": (-2.0, 2.0)}, tmp_path)
+    assert np.ptp(added(effects[0], {effects[0].neutral: 0.8})) > 0.1, "it is active"
+
+
+def test_a_value_out_of_range_is_refused_by_an_fmu(tmp_path):
+    effect = correction(Plain, "base", Of("drive", "lagged", 0.5, "V"), "saturating", "V")
+    cls = stack(Plain, effect, name="corrected")
+    check_that_bad_values_are_refused(cls, {"base_of_drive_lagged_width": 0.0}, "[1e-09, 1000] V", tmp_path)
+
+
+def test_it_is_made_again_from_what_it_was_made_with():
+    of = Of("drive", "lagged", np.float64(0.5), "V", 2.0, 0.3)
+    for shape, values in (("cubic", ()), (np.array([0.0, 1.0]), np.array([2.0, 3.0]))):
+        one = correction(Plain, "base", of, shape, "V", np.float64(2.0), "multiply", values, False)
+        assert "np." not in repr(one.made_with)
+        again = one.made_by(Plain, *eval(repr(one.made_with)))
+        assert repr(again.declared) == repr(one.declared)
+        assert again.made_with == one.made_with
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+TABLE = [0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("law", "of", "shape", "about", "told"),
+    [
+        ("bas", Of("drive"), "cubic", {}, "plain: no law named 'bas' (did you mean base?)"),
+        ("level", Of("drive"), "cubic", {}, "plain: no law named 'level'"),
+        ("rates", Of("drive"), "cubic", {}, "plain: no law named 'rates'"),
+        ("pair", Of("drive"), "cubic", {}, "plain: pair gives several numbers, not one"),
+        ("base", Of("driv"), "cubic", {}, "plain: no input, state or law named 'driv' (did you mean drive?)"),
+        ("base", Of("factor"), "cubic", {}, "plain: no input, state or law named 'factor'"),
+        ("base", Of("scaled"), "cubic", {}, "plain: scaled takes arguments, and is no signal"),
+        ("scaled", Of("scaled"), "cubic", {}, "plain: scaled takes arguments, and is no signal"),
+        ("base", Of("pair"), "cubic", {}, "plain: pair gives several numbers, not one"),
+        ("base", Of("of_base"), "cubic", {}, "plain: base cannot hang on of_base, which is computed from it"),
+        ("base", Of("doubled", "leading", 1.0), "cubic", {}, "plain: base cannot hang on doubled, which is computed"),
+        ("base", Of("drive"), "cubik", {}, "no shape named 'cubik' (did you mean cubic?)"),
+        ("base", Of("drive", "laged", 1.0), "cubic", {}, "no memory named 'laged' (did you mean lagged?)"),
+        ("base", Of("drive"), "cubic", {"kind": "divide"}, "no kind named 'divide' (there are: add, multiply)"),
+        ("base", Of("drive", "lagged"), "cubic", {}, "time constant of a lag must be positive, which 0 is not"),
+        ("base", Of("drive", "leading", math.nan), "cubic", {}, "time constant of a lag must be positive, which nan"),
+        ("base", Of("drive", scale=0.0), "cubic", {}, "typical magnitude of drive must be positive, which 0 is not"),
+        ("base", Of("drive", scale=math.inf), "cubic", {}, "typical magnitude of drive must be positive, which inf"),
+        ("base", Of("drive"), "cubic", {"nominal": -1.0}, "typical magnitude of the law must be positive, which -1"),
+        ("base", Of("drive", start=math.nan), "cubic", {}, "what is remembered of drive at first must be a number"),
+        ("base", Of("drive"), [], {}, "knots of a table must rise, which [] do not"),
+        ("base", Of("drive"), [0.0, 0.0], {}, "knots of a table must rise, which [0.0, 0.0] do not"),
+        ("base", Of("drive"), [-math.inf, 0.0], {}, "knots of a table must rise, which [-inf, 0.0] do not"),
+        ("base", Of("drive"), [0.0, math.nan], {}, "knots of a table must rise, which [0.0, nan] do not"),
+        ("base", Of("drive"), [0.0, math.inf], {}, "knots of a table must rise, which [0.0, inf] do not"),
+        ("base", Of("drive"), TABLE, {"values": [1.0]}, "a table of 2 knots has as many values, not 1"),
+        ("base", Of("drive"), TABLE, {"values": [1.0, 2.0, 3.0], "fixed": True}, "a table of 2 knots has as many"),
+        ("base", Of("drive"), TABLE, {"values": [1.0, math.nan]}, "values of a table must be numbers, which [1.0"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_in_one_line(law, of, shape, about, told):
+    with pytest.raises(UserError) as caught:
+        correction(Plain, law, of, shape, **about)
+    assert str(caught.value).startswith(told)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_law_of_no_value_at_the_defaults_may_be_a_signal():
+    assert correction(Plain, "base", Of("ratio"), "linear").neutral == "base_of_ratio"
+
+
+def test_twice_the_same_is_told():
+    twice = [correction(Plain, "base", Of("drive"), shape) for shape in ("cubic", TABLE)]
+    with pytest.raises(UserError, match=r"'base_of_drive' is laid over it twice"):
+        stack(Plain, *twice)
