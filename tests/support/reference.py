@@ -34,8 +34,17 @@ def fields(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 def documented(system: bool = False) -> dict[str, tuple[str, str]]:
     """Unit and meaning of every field, of one model or of a system, by its path."""
     page = (DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8")
-    of_a_model, of_a_system = page.split("## Codes of notes")[0], page.split("## Of a system")[1]
-    return {name: (unit.strip(), what) for name, unit, what in FIELD.findall(of_a_system if system else of_a_model)}
+    of_a_model, of_a_system = page.split("## Codes of notes")[0], page.split("## Of a system")[1].split("## Of laws")[0]
+    return _table(of_a_system if system else of_a_model)
+
+
+def documented_of_laws() -> dict[str, tuple[str, str]]:
+    """The same of what a model's laws lack."""
+    return _table((DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8").split("## Of laws")[1])
+
+
+def _table(text: str) -> dict[str, tuple[str, str]]:
+    return {name: (unit.strip(), what) for name, unit, what in FIELD.findall(text)}
 
 
 def documented_codes() -> set[str]:

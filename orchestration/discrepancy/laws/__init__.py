@@ -1,0 +1,1 @@
+"""What the laws of a model lack: which law, of which signal, and the curve."""

@@ -1,0 +1,208 @@
+"""Evidence for a curve in a model that is linear in it: a Gaussian process over the signal, integrated out.
+
+The straight part of a curve, and a step at zero, have the information of one sample as their prior, so that they count
+as in BIC; what bends is an integrated Wiener process (Wahba, JRSS B 40, 1978), whose size is the likeliest one (Kass,
+Raftery, JASA 90, 1995). What the parameters of the model can do is no part of a curve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+Array = NDArray[np.float64]
+KNOTS = 16
+_NEAR = 0.005  # of the range, within which a curve may step at zero
+_SIZES = np.geomspace(1e-2, 1e8, 11)  # of the bending part, as precision of the data over that of the prior
+_OWN = 1e-3  # share that the model's parameters leave of a constant, slope or step, below which it is theirs
+_FEWEST = 4  # knots, above which there may be a step
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Hat functions over knots: a curve that is straight in between, and flat beyond the ends.
+
+    Attributes
+    ----------
+    knots : ndarray, shape (k,)
+        Rising, in the unit of the signal.
+    """
+
+    knots: Array
+
+    @classmethod
+    def over(cls, values: Array, count: int = KNOTS) -> Basis:
+        """Place knots between the extremes, denser where a signal has been more often; few where it takes few values.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n,)
+            Of the signal.
+        count : int
+            Of knots; those near zero, where a signal goes through it, come to these.
+
+        Returns
+        -------
+        Basis
+        """
+        several = np.unique(values)
+        if len(several) <= count:
+            return cls(several)
+        shares = np.linspace(0.0, 1.0, count)
+        low, high = several[0], several[-1]
+        knots = 0.5 * (low + shares * (high - low) + np.quantile(values, shares))
+        if low < 0.0 < high:
+            near = _NEAR * (high - low)
+            knots = np.concatenate([knots[np.abs(knots) > 2.0 * near], [-near, 0.0, near]])
+        return cls(np.unique(np.clip(knots, low, high)))
+
+    def __call__(self, values: Array) -> Array:
+        """Evaluate the hat functions.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n,)
+            Of the signal.
+
+        Returns
+        -------
+        ndarray, shape (n, k)
+            Whose product with values at the knots is the curve.
+        """
+        last = len(self.knots) - 1
+        place = np.interp(values, self.knots, np.arange(last + 1.0))
+        left = np.minimum(place.astype(int), last)
+        rows, share = np.arange(len(values)), place - left
+        hats = np.zeros((len(values), last + 1))
+        hats[rows, left] = 1.0 - share
+        hats[rows, np.minimum(left + 1, last)] += share
+        return hats
+
+    @cached_property
+    def plain(self) -> list[Array]:
+        """Constant and slope, (k, 2), and where the signal goes through zero the same with a step there, (k, 3)."""
+        straight = np.column_stack([np.ones(len(self.knots)), self._unit - 0.5])
+        if not (self.knots[0] < 0.0 < self.knots[-1] and len(self.knots) > _FEWEST):
+            return [straight]
+        return [straight, np.column_stack([straight, np.sign(self.knots)])]
+
+    @cached_property
+    def bending(self) -> Array:
+        """Covariance (k, k) of an integrated Wiener process, less its straight part, with a mean variance of 1."""
+        s, t = np.meshgrid(self._unit, self._unit)
+        low, high = np.minimum(s, t), np.maximum(s, t)
+        straight = self.plain[0]
+        project = np.eye(len(s)) - straight @ np.linalg.pinv(straight)
+        kernel = project @ (low**2 * (3.0 * high - low) / 6.0) @ project.T
+        return np.asarray(kernel / max(float(np.trace(kernel)) / len(s), 1e-300))
+
+    @property
+    def _unit(self) -> Array:
+        """Knots from 0 to 1."""
+        return np.asarray((self.knots - self.knots[0]) / (self.knots[-1] - self.knots[0]))
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve at its knots, from what a linear model says of it.
+
+    Attributes
+    ----------
+    gain : float
+        Twice the logarithm of the evidence against none, less the logarithm of the samples for a size of the bending
+        part that was chosen: a fall of BIC, as far as that is one.
+    values : ndarray, shape (k,)
+        Likeliest values, in the unit of the law.
+    covariance : ndarray, shape (k, k)
+        Of the values.
+    prior : ndarray, shape (k, k)
+        Covariance that the values were expected to have.
+    complexity : float
+        By how much the gain is less than what the curve explains: the price of being able to bend so far.
+    """
+
+    gain: float
+    values: Array
+    covariance: Array
+    prior: Array
+    complexity: float
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What the hat functions of a curve do to the whitened outputs, as products of these columns.
+
+    Attributes
+    ----------
+    basis : Basis
+        Of k knots.
+    free : ndarray, shape (k, k)
+        Of the columns, free of what the model's own parameters can do; per squared unit of the law.
+    alone : ndarray, shape (k, k)
+        Of the columns as they are.
+    samples : int
+        That the columns have.
+    """
+
+    basis: Basis
+    free: Array
+    alone: Array
+    samples: int
+
+    def best(self, score: Array) -> Curve:
+        """Find the likeliest curve.
+
+        Parameters
+        ----------
+        score : ndarray, shape (k,)
+            Products of the free columns with what is to be explained, in noise of unit variance.
+
+        Returns
+        -------
+        Curve
+        """
+        covariances, priors, prices = self._choices
+        gains = np.einsum("i,cij,j->c", score, covariances, score) - prices
+        k = int(np.argmax(gains))
+        return Curve(float(gains[k]), covariances[k] @ score, covariances[k], priors[k], float(prices[k]))
+
+    def by_chance(self, scores: Array) -> Array:
+        """Tell what the likeliest curves gain where there is mere noise.
+
+        Parameters
+        ----------
+        scores : ndarray, shape (k, b)
+            Products of the free columns with b draws of noise.
+
+        Returns
+        -------
+        ndarray, shape (b,)
+        """
+        covariances, _, prices = self._choices
+        explained = np.sum(scores * (covariances @ scores), axis=1)
+        return np.asarray((explained - prices[:, None]).max(axis=0))
+
+    @cached_property
+    def _choices(self) -> tuple[Array, Array, Array]:
+        """Covariances after and before (c, k, k), and prices, of all sizes of what bends, without and with a step."""
+        bending = self.basis.bending
+        power = float(np.trace(self.free @ bending)) / len(bending)
+        sizes = np.append(0.0, _SIZES / power if len(bending) > 2 and power > 0.0 else ())
+        priors = np.concatenate([self._prior(part) + sizes[:, None, None] * bending for part in self.basis.plain])
+        inner = np.eye(len(bending)) + self.free @ priors
+        paid = np.tile(np.where(sizes > 0.0, np.log(self.samples), 0.0), len(self.basis.plain))
+        covariances = np.linalg.solve(inner.swapaxes(1, 2), priors).swapaxes(1, 2)
+        return covariances, priors, np.linalg.slogdet(inner)[1] + paid
+
+    def _prior(self, part: Array) -> Array:
+        """Covariance (k, k) with the information of one sample, along what is not the model's own."""
+        free, alone = (part.T @ each @ part for each in (self.free, self.alone))
+        alone += (1e-12 * np.trace(alone) + 1e-300) * np.eye(len(alone))
+        share, axes = eigh(free, alone)
+        seen = share > _OWN
+        root = (part @ axes[:, seen]) * np.sqrt(self.samples / share[seen])
+        return np.asarray(root @ root.T)

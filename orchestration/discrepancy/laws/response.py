@@ -1,0 +1,280 @@
+"""What outputs make of something that is added to a law, to first order along a simulated trajectory.
+
+With w the addition, dS/dt = A S + b w and dy = C S + d w. Within a step between two samples A is constant, b and w are
+straight lines, and the step is exact (Van Loan, IEEE Trans. Automatic Control 23, 1978): stiff parts do no harm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from fmus.kit.symbolic.perturbed import Jacobians, PerturbedLaws
+from orchestration.records.joined import Run
+
+Array = NDArray[np.float64]
+_SAME = 1e-12  # relative: steps and matrices that differ by less are the same
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Values at both ends of every step: at a sample, and just before the next one, where inputs are still held.
+
+    Attributes
+    ----------
+    begin, end : ndarray, shape (n, ...)
+        SI; ``end[k]`` is of the step that begins at sample k; the last one is not used.
+    """
+
+    begin: Array
+    end: Array
+
+
+def continuous(values: Array) -> Sides:
+    """Take values (n, ...) as going straight from one sample to the next."""
+    return Sides(values, np.append(values[1:], values[-1:], axis=0))
+
+
+@dataclass(frozen=True)
+class Course:
+    """A run as it was simulated.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    inputs, states : dict of str to Sides, of shape (n,)
+        SI; discrete states among the states.
+    """
+
+    time: Array
+    inputs: dict[str, Sides]
+    states: dict[str, Sides]
+
+    @classmethod
+    def of(
+        cls, time: Array, inputs: Mapping[str, Array], states: Mapping[str, Array], linear: bool | Collection[str]
+    ) -> Course:
+        """Take inputs as held until the next sample, but for those that are smooth.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        inputs, states : Mapping of str to ndarray, shape (n,) or ()
+            SI, at the samples; states go straight from one to the next.
+        linear : bool or collection of str
+            Inputs that do so too: all, none, or those named.
+
+        Returns
+        -------
+        Course
+        """
+
+        def sides(values: Array, moving: bool) -> Sides:
+            full = np.broadcast_to(np.asarray(values, dtype=float), len(time))
+            return continuous(full) if moving else Sides(full, full)
+
+        def moves(name: str) -> bool:
+            return linear if isinstance(linear, bool) else name in linear
+
+        return cls(
+            time,
+            {name: sides(values, moves(name)) for name, values in inputs.items()},
+            {name: sides(values, True) for name, values in states.items()},
+        )
+
+
+class LinearResponse:
+    """Responses of a run's outputs to additions to laws.
+
+    What is added starts from nothing: at the first sample no state has been moved. Discrete states are as they were.
+
+    Parameters
+    ----------
+    laws : PerturbedLaws
+    course : Course
+    parameters : Mapping of str to float
+        SI; those that are not given have their defaults.
+    outputs : sequence of str
+        Of which responses are wanted; outputs or states.
+
+    Attributes
+    ----------
+    steps : ndarray, shape (n - 1,)
+        Seconds between samples.
+    values : dict of str to Sides, of shape (n,)
+        Of the laws, SI.
+
+    Raises
+    ------
+    ValueError
+        If one of the outputs is neither an output nor a state.
+    """
+
+    def __init__(self, laws: PerturbedLaws, course: Course, parameters: Mapping[str, float], outputs: Sequence[str]):
+        def along(side: str) -> Jacobians:
+            time = getattr(continuous(course.time), side)
+            inputs, states = (
+                {n: getattr(s, side) for n, s in group.items()} for group in (course.inputs, course.states)
+            )
+            return laws.along(time, parameters, inputs, states)
+
+        begin, end = along("begin"), along("end")
+        self._laws, self._outputs = laws, list(outputs)
+        self.values = {n: Sides(begin.values[:, i], end.values[:, i]) for i, n in enumerate(laws.names)}
+        self._b = Sides(begin.b, end.b)
+        self._read_by(begin)
+        self.steps = np.diff(course.time)
+        a = 0.5 * (begin.a + end.a)[:-1]
+        self._matrices = _step_matrices(a, self.steps)
+
+    def _read_by(self, at: Jacobians) -> None:
+        """Keep the rows of the outputs that are wanted; a state shows itself."""
+        layout = self._laws.graph.layout
+        outputs, states = [o.name for o in layout.outputs], [s.name for s in layout.states]
+        n = len(at.c)
+        self._c = np.zeros((n, len(self._outputs), len(states)))
+        self._d = np.zeros((n, len(self._outputs), len(self._laws.names)))
+        for row, name in enumerate(self._outputs):
+            if name in outputs:
+                self._c[:, row], self._d[:, row] = at.c[:, outputs.index(name)], at.d[:, outputs.index(name)]
+            else:
+                self._c[:, row, states.index(name)] = 1.0
+
+    def effect_of(self, law: str) -> tuple[Array, Array]:
+        """What one unit that is added to a law does at each sample.
+
+        Returns
+        -------
+        drives : ndarray, shape (n, states)
+            What it adds to the rates, SI per unit of the law.
+        shows : ndarray, shape (n, outputs)
+            What it adds to the outputs at once.
+        """
+        i = self._laws.names.index(law)
+        return self._b.begin[:, :, i], self._d[:, :, i]
+
+    def moves(self, law: str) -> bool:
+        """Whether states feel what is added to a law."""
+        i = self._laws.names.index(law)
+        return bool(self._b.begin[:, :, i].any())
+
+    def step(self, law: str) -> tuple[Array, Array, Array]:
+        """Recursion of what an addition w makes of the states, S.
+
+        Returns
+        -------
+        transition : ndarray, shape (n - 1, states, states)
+        left, right : ndarray, shape (n - 1, states)
+            ``S[k + 1] = transition[k] @ S[k] + left[k] * w.begin[k] + right[k] * w.end[k]``.
+        """
+        i = self._laws.names.index(law)
+        transition, first, second = self._matrices
+        left = np.einsum("kij,kj->ki", first - second, self._b.begin[:-1, :, i])
+        return transition, left, np.einsum("kij,kj->ki", second, self._b.end[:-1, :, i])
+
+    def row(self, law: str, output: str) -> Array:
+        """How an output shows the states and, last, what is added to a law, shape (n, states + 1)."""
+        o, i = self._outputs.index(output), self._laws.names.index(law)
+        return np.column_stack([self._c[:, o], self._d[:, o, i]])
+
+    def size(self, law: str, units: Mapping[str, float]) -> float:
+        """Norm of what one unit, added all the time, does to the outputs.
+
+        Parameters
+        ----------
+        law : str
+        units : Mapping of str to float
+            In which each output is counted, SI.
+        """
+        n = len(self._c)
+        shown = self(law, Sides(np.ones((n, 1)), np.ones((n, 1))))
+        return float(np.sqrt(sum(np.sum((y / units[o]) ** 2) for o, y in shown.items())))
+
+    def __call__(self, law: str, added: Sides) -> dict[str, Array]:
+        """Respond to functions of time that are added to a law.
+
+        Parameters
+        ----------
+        law : str
+        added : Sides
+            Of shape (n, m), in the unit of the law.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n, m)
+            Change of every output.
+        """
+        i = self._laws.names.index(law)
+        n, states = len(self._c), self._c.shape[2]
+        moved = np.zeros((n, states, added.begin.shape[1]))
+        if self.moves(law):
+            transition, left, right = self.step(law)
+            drive = left[:, :, None] * added.begin[:-1, None, :] + right[:, :, None] * added.end[:-1, None, :]
+            for k in range(n - 1):
+                moved[k + 1] = transition[k] @ moved[k] + drive[k]
+        direct = self._d[:, :, i]
+        return {
+            o: np.einsum("ki,kim->km", self._c[:, row], moved) + direct[:, row, None] * added.begin
+            for row, o in enumerate(self._outputs)
+        }
+
+
+def _step_matrices(a: Array, steps: Array) -> tuple[Array, Array, Array]:
+    """Matrices exp(A h), h phi_1(A h) and h phi_2(A h) of every step, each of shape (n, states, states)."""
+    n, states = len(steps), a.shape[-1]
+    if not states or not n:
+        return a, a, a
+    same = np.ptp(a, axis=0).max() <= _SAME * np.abs(a).max() and np.ptp(steps) <= 1e-9 * steps.max()
+    chosen, h = (a[:1], steps[:1]) if same else (a, steps)
+    one = np.eye(states)
+    block = np.zeros((len(chosen), 3 * states, 3 * states))
+    block[:, :states, :states] = chosen * h[:, None, None]
+    block[:, :states, states : 2 * states] = one * h[:, None, None]
+    block[:, states : 2 * states, 2 * states :] = one
+    whole = expm(block)[:, :states]
+    parts = np.split(whole, 3, axis=2)
+    transition, first, second = (np.broadcast_to(part, (n, states, states)) for part in parts)
+    return transition, first, second
+
+
+def responses_of_runs(
+    laws: PerturbedLaws, time: Array, inputs: Mapping[str, Array], signals: Mapping[str, Array],
+    parameters: Mapping[str, float], linear: bool | Collection[str], runs: Sequence[Run], outputs: Sequence[str],
+) -> list[tuple[Run, Course, LinearResponse]]:  # fmt: skip
+    """Linearise every run of a record by itself: nothing that was added in one is felt in another.
+
+    Parameters
+    ----------
+    laws : PerturbedLaws
+    time : ndarray, shape (n,)
+        Of all runs, s.
+    inputs, signals : Mapping of str to ndarray, shape (n,)
+        Inputs, and simulated states and discrete states, SI; an input may be one number.
+    parameters : Mapping of str to float
+        SI, with values of single runs by their names there.
+    linear : bool or collection of str
+        Inputs that are interpolated between samples instead of held: all, none, or those named.
+    runs : sequence of Run
+    outputs : sequence of str
+        Of which responses are wanted.
+
+    Returns
+    -------
+    list of tuple of Run, Course and LinearResponse
+        On each run's own clock.
+    """
+    layout = laws.graph.layout
+    names = [v.name for v in (*layout.states, *layout.discretes)]
+    made = []
+    for run in runs:
+        at = run.samples
+        fed = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time))[at] for n, v in inputs.items()}
+        course = Course.of(time[at] - run.ahead, fed, {n: signals[n][at] for n in names}, linear)
+        made.append((run, course, LinearResponse(laws, course, run.values(parameters), outputs)))
+    return made

@@ -1,0 +1,204 @@
+"""Signals that a law may hang on: all that a simulation knows, and what is remembered of it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from fmus.kit.corrections import Of
+from orchestration.discrepancy.laws.response import Course, Sides, continuous
+
+Array = NDArray[np.float64]
+LAGS = 4  # time constants that are looked at, from a few samples to a fraction of the record
+_SHORTEST, _LONGEST = 4.0, 0.25  # samples, and of the record
+_SAME = 1.0 - 1e-5  # correlation, above which a signal tells what another one tells
+_STILL = 1e-9  # of its size, below which a signal does not move
+_EVEN = 1e-9  # difference of decays, below which steps are the same
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A function of time that a law may hang on.
+
+    Attributes
+    ----------
+    name : str
+        Input, state or law; ``time``.
+    memory : {"", "lagged", "leading", "heat", "integrated", "throughput"}
+        What is remembered of it: behind a lag of first order, itself less that, its square behind a lag, which begins
+        at zero, integrated, or integrated in modulus.
+    constant : float
+        Time constant of a lag, s.
+    """
+
+    name: str
+    memory: str = ""
+    constant: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return Of(self.name, self.memory, self.constant).label
+
+
+def plain(course: Course, values: Mapping[str, Sides], outputs: Collection[str]) -> dict[Signal, Sides]:
+    """List what tells different things: inputs, states, values of laws, and the time.
+
+    Parameters
+    ----------
+    course : Course
+        Of n samples.
+    values : Mapping of str to Sides, of shape (n,)
+        Of the laws, SI.
+    outputs : collection of str
+        Laws among them that are passed over.
+
+    Returns
+    -------
+    dict of Signal to Sides, of shape (n,)
+        SI; of two that tell the same the first, and none that stands still or is no number somewhere.
+    """
+    laws = {name: sides for name, sides in values.items() if name not in outputs}
+    known = {**course.inputs, **course.states, **laws, "time": continuous(course.time)}
+    told: list[Array] = []
+    return {Signal(name): sides for name, sides in known.items() if is_new(sides, told)}
+
+
+def is_new(sides: Sides, told: list[Array]) -> bool:
+    """Whether a signal tells what none before it does: one that moves, and other than in proportion to one of those.
+
+    Parameters
+    ----------
+    sides : Sides, of shape (n,)
+    told : list of ndarray, shape (n,)
+        What was told so far, without mean and of unit length; if the signal is new, it is added.
+    """
+    values = sides.begin
+    if not np.isfinite(values).all() or np.ptp(values) <= _STILL * np.abs(values).max():
+        return False
+    shape = values - values.mean()
+    shape = shape / np.linalg.norm(shape)
+    if any(abs(float(shape @ other)) > _SAME for other in told):
+        return False
+    told.append(shape)
+    return True
+
+
+def remembered(course: Course, signals: Mapping[Signal, Sides]) -> Iterator[tuple[Signal, Sides]]:
+    """Remember signals in all ways, lags with several time constants.
+
+    Parameters
+    ----------
+    course : Course
+        Of n samples.
+    signals : Mapping of Signal to Sides, of shape (n,)
+        SI; the time among them is passed over.
+
+    Yields
+    ------
+    tuple of Signal and Sides, of shape (n,)
+        SI, integrals in the unit of the signal times s.
+    """
+    steps = np.diff(course.time)
+    shortest, longest = _SHORTEST * float(np.median(steps)), _LONGEST * float(course.time[-1] - course.time[0])
+    constants = [float(constant) for constant in np.geomspace(shortest, longest, LAGS)]
+    memories = [(memory, constant) for memory in ("lagged", "leading", "heat") for constant in constants]
+    for signal, sides in signals.items():
+        if signal.name == "time":
+            continue
+        for memory, constant in (*memories, ("integrated", 0.0), ("throughput", 0.0)):
+            one = Signal(signal.name, memory, constant)
+            yield one, _memory(one, sides, steps)
+
+
+def of(signal: Signal, course: Course, laws: Mapping[str, Sides]) -> Sides:
+    """Follow a signal over a run.
+
+    Parameters
+    ----------
+    signal : Signal
+    course : Course
+        Of n samples.
+    laws : Mapping of str to Sides, of shape (n,)
+        Values of laws, SI; an input or a state of the same name goes before.
+
+    Returns
+    -------
+    Sides, of shape (n,)
+        SI.
+
+    Raises
+    ------
+    KeyError
+        If there is no such signal.
+    """
+    known = {"time": continuous(course.time), **laws, **course.states, **course.inputs}
+    return _memory(signal, known[signal.name], np.diff(course.time))
+
+
+def _memory(signal: Signal, sides: Sides, steps: Array) -> Sides:
+    if signal.memory == "lagged":
+        return lagged(sides, steps, signal.constant)
+    if signal.memory == "leading":
+        behind = lagged(sides, steps, signal.constant)
+        return Sides(sides.begin - behind.begin, sides.end - behind.end)
+    if signal.memory == "heat":
+        return lagged(Sides(sides.begin**2, sides.end**2), steps, signal.constant, 0.0)
+    if signal.memory == "integrated":
+        return integrated(sides, steps)
+    if signal.memory == "throughput":
+        return integrated(Sides(np.abs(sides.begin), np.abs(sides.end)), steps)
+    return sides
+
+
+def lagged(sides: Sides, steps: Array, constant: float, start: float | None = None) -> Sides:
+    """First-order lag of a signal that is straight within each step.
+
+    Parameters
+    ----------
+    sides : Sides, of shape (n,)
+    steps : ndarray, shape (n - 1,)
+        Seconds.
+    constant : float
+        Its time constant, s.
+    start : float, optional
+        What it is at the start; in equilibrium unless given.
+
+    Returns
+    -------
+    Sides, of shape (n,)
+        In the unit of the signal.
+    """
+    first = sides.begin[0] if start is None else start
+    z = steps / constant
+    decay, settled = np.exp(-z), -np.expm1(-z)
+    late = 1.0 - settled / z  # weight of what the signal is at the end of a step
+    drive = (settled - late) * sides.begin[:-1] + late * sides.end[:-1]
+    if len(steps) and np.ptp(decay) < _EVEN:
+        return continuous(np.asarray(lfilter([1.0], [1.0, -decay[0]], np.append(first, drive))))
+    values = np.empty(len(sides.begin))
+    values[0] = first
+    for k, (kept, more) in enumerate(zip(decay, drive, strict=True)):
+        values[k + 1] = kept * values[k] + more
+    return continuous(values)
+
+
+def integrated(sides: Sides, steps: Array) -> Sides:
+    """Integral from the start of a signal that is straight within each step.
+
+    Parameters
+    ----------
+    sides : Sides, of shape (n,)
+    steps : ndarray, shape (n - 1,)
+        Seconds.
+
+    Returns
+    -------
+    Sides, of shape (n,)
+        In the unit of the signal times s.
+    """
+    return continuous(np.append(0.0, np.cumsum(0.5 * (sides.begin[:-1] + sides.end[:-1]) * steps)))

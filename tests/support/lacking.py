@@ -1,0 +1,27 @@
+"""A record of a motor with more friction than its model has, or with just that; short enough to be asked in seconds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tests.support.clean.plants import PLANTS
+from tests.support.clean.records import KINDS, CleanRecord, conditions, draw
+from tests.support.hidden.change import static
+from tests.support.hidden.curves import Curve
+from tests.support.hidden.plants import altered
+
+SAMPLES = 500
+
+
+def motor(path: Path, curve: Curve | None, seed: int = 1) -> CleanRecord:
+    """Write a record of a motor whose friction has a curve of its speed more than the model says."""
+    case = conditions(PLANTS["Motor"], KINDS[0], seed, np.random.default_rng(seed))
+    drawn = draw(case, plant=altered("Motor", static("friction", curve)) if curve else None)
+    part = {"inputs": drawn.inputs, "outputs": drawn.outputs, "clean": drawn.clean}
+    cut = {name: {n: v[:SAMPLES] for n, v in of.items()} for name, of in part.items()}
+    short = replace(drawn, time=drawn.time[:SAMPLES], **cut)
+    short.write(path)
+    return short

@@ -1,0 +1,123 @@
+"""Claims: what a law lacks is found, in records of plants that share no code with the models; in clean ones nothing is.
+
+The oracle is the plant: its hidden curve, and its parameters.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orchestration.api.records import read_record
+from orchestration.discrepancy.laws.course import follow
+from orchestration.discrepancy.laws.discovery import discover, effect_of, search_of
+from orchestration.discrepancy.laws.fit import CurveFit
+from orchestration.discrepancy.laws.map import LawMap
+from orchestration.discrepancy.pipeline import Options, judge
+from orchestration.fmu.model import find_model
+from tests.support.clean.plants import PLANTS
+from tests.support.clean.records import KINDS, conditions, draw
+from tests.support.hidden.change import static
+from tests.support.hidden.curves import hard_sinh, power
+from tests.support.hidden.plants import altered
+from tests.support.lacking import motor
+
+pytestmark = pytest.mark.timeout(120)
+HIDDEN = power(0.04, 150.0, 2.0)
+
+
+def diagnosed(path, model):
+    subject = find_model(model)
+    return judge([read_record(path, subject)], subject, None, Options(effects=[])).diagnosis
+
+
+@pytest.fixture(scope="module")
+def drag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("drag") / "motor.csv"
+    drawn = motor(path, HIDDEN)
+    return drawn, diagnosed(path, drawn.plant.model)
+
+
+@pytest.fixture(scope="module")
+def spring(tmp_path_factory):
+    """A pendulum with so much more of a spring that its model runs out of phase."""
+    path = tmp_path_factory.mktemp("spring") / "pendulum.csv"
+    case = conditions(PLANTS["Pendulum"], KINDS[0], 2, np.random.default_rng(2))
+    drawn = draw(case, plant=altered("Pendulum", static("gravity", hard_sinh(0.6, 0.3))))
+    drawn.write(path)
+    return drawn, diagnosed(path, drawn.plant.model)
+
+
+def widths(drawn, residual):
+    """Noise widths that are left, by output."""
+    return {o: float(np.sqrt(np.mean(e**2))) / drawn.deviation[o] for o, e in residual.items()}
+
+
+def test_a_free_course_lets_a_model_follow_where_its_own_run_tells_nothing(spring):
+    drawn, diagnosis = spring
+    base = diagnosis.selection.base
+    assert widths(drawn, base.fit.residual)["position"] > 20.0
+    search = search_of(diagnosis)
+    found = LawMap(search, base)
+    course = follow(search, base, found.laws, "acceleration")
+    assert widths(drawn, course.left)["position"] < 1.5
+
+
+def test_a_course_is_what_the_plant_has_more(drag):
+    drawn, diagnosis = drag
+    base = diagnosis.selection.base
+    found = LawMap(search_of(diagnosis), base)
+    (_, course, _), followed = found.courses["acceleration"].parts[0], found.courses["acceleration"]
+    assert max(widths(drawn, base.fit.residual).values()) > 5.0
+    assert all(width < 1.3 for width in widths(drawn, followed.left).values())
+    assert np.ptp(course.states["omega"].begin) == pytest.approx(np.ptp(drawn.clean["speed"]), rel=0.1)
+
+
+def test_the_map_has_the_right_law_and_signal_among_the_first(drag, spring):
+    for (_, diagnosis), law, signal in ((drag, "friction", "omega"), (spring, "gravity", "angle")):
+        found = LawMap(search_of(diagnosis), diagnosis.selection.base)
+        entries = found.entries()
+        right = [e for e in entries if (e.law, e.signal.name, e.signal.memory, e.kind) == (law, signal, "", "add")]
+        assert right[0] in entries[:8]
+        assert right[0].curve.gain > max(10.0 * found.chance, 0.95 * entries[0].curve.gain)
+
+
+def test_a_curve_and_what_the_model_has_are_the_plants_law(drag):
+    drawn, diagnosis = drag
+    found = discover(diagnosis)
+    best = found.corrections[0]
+    knots, values = best.entry.basis.knots, best.fitted.curve.values
+    whole = best.fitted.values["damping"] * knots + values
+    truth = drawn.truth["damping"] * knots + np.array([HIDDEN(x) for x in knots])
+    inner = (knots > 0.9 * knots[0]) & (knots < 0.9 * knots[-1])
+    assert whole[inner] == pytest.approx(truth[inner], abs=0.03 * np.abs(truth).max())
+
+
+def test_it_is_confirmed_by_what_no_fit_has_seen(drag, spring):
+    for _, diagnosis in (drag, spring):
+        best = discover(diagnosis).corrections[0]
+        assert best.confirmed
+        before, after = best.errors
+        assert all(after[o] < 0.5 * before[o] for o in before)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nothing_is_found_where_nothing_is_hidden(tmp_path, seed):
+    drawn = motor(tmp_path / "motor.csv", None, seed)
+    found = discover(diagnosed(tmp_path / "motor.csv", drawn.plant.model))
+    assert not [one for one in found.corrections if one.confirmed]
+
+
+def test_a_fit_starts_from_the_nearest_of_its_starts(drag):
+    """Of values far off and of those that go with the curve the latter are taken, in whatever order they come."""
+    _, diagnosis = drag
+    base, search = diagnosis.selection.base, search_of(diagnosis)
+    found = LawMap(search, base)
+    best = found.entries()[0]
+    far = {"damping": 1e3 * base.fit.values["damping"]}
+    fits = [
+        CurveFit(search, base, effect_of(found, base, best), best.basis).fit(starts, best.curve, found.floor)
+        for starts in ([found.beside(best)], [far, found.beside(best)], [found.beside(best), far])
+    ]
+    assert fits[1].criterion == pytest.approx(fits[0].criterion, abs=0.1)
+    assert fits[2].criterion == pytest.approx(fits[0].criterion, abs=0.1)

@@ -1,0 +1,312 @@
+"""Evidence for a curve.
+
+Oracles: likelihoods of a Gaussian vector with and without a curve in it, by SciPy; ridge equations solved as least
+squares; a Monte Carlo in plain loops; and `numpy.interp`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import cumulative_simpson
+from scipy.stats import multivariate_normal
+
+from orchestration.discrepancy.laws.evidence import KNOTS, Basis, Columns, Curve
+
+SAMPLES = 120
+SIZES = 11  # of the bending part, that are tried
+
+
+def signal(seed, samples=SAMPLES, crossing=True):
+    x = np.random.default_rng(seed).uniform(-1.0, 2.0, samples)
+    return x if crossing else x + 1.5
+
+
+def own_parameters(seed, x, count=2):
+    """Orthonormal columns of what a model can do by itself."""
+    whole = np.column_stack([np.random.default_rng(seed).normal(size=(len(x), count))])
+    return np.linalg.qr(whole)[0]
+
+
+class Case:
+    """A basis over a signal, what its hats do, and something to be explained."""
+
+    def __init__(self, seed, size=1.0, crossing=True, own=None, gain=1.0):
+        self.x = signal(seed, crossing=crossing)
+        self.basis = Basis.over(self.x)
+        self.hats = gain * self.basis(self.x)
+        own = own_parameters(seed + 1, self.x) if own is None else np.linalg.qr(own(self.x))[0]
+        self.z = self.hats - own @ (own.T @ self.hats)
+        noise = np.random.default_rng(seed + 2).normal(size=len(self.x))
+        y = noise + size * (np.tanh(3.0 * self.x) + 0.3 * self.x**2)
+        self.y = y - own @ (own.T @ y)
+        self.columns = Columns(self.basis, self.z.T @ self.z, self.hats.T @ self.hats, len(self.x))
+        self.score = self.z.T @ self.y
+        self.curve = self.columns.best(self.score)
+
+
+CASES = [(0, 0.0, True), (1, 0.5, True), (2, 2.0, True), (3, 10.0, True), (4, 0.3, False), (5, 3.0, False),
+         (6, 3e3, True)]  # fmt: skip
+several = pytest.mark.parametrize("case", CASES, ids=lambda c: f"{c[1]}-{'through' if c[2] else 'above'}-zero")
+
+
+def evidence(y, z, prior):
+    """Twice the logarithm of how much likelier y, or each row of it, is with a curve of this prior than without."""
+    nothing = np.eye(len(z))
+    likelier, plain = (
+        multivariate_normal.logpdf(y, np.zeros(len(z)), covariance)
+        for covariance in (nothing + z @ prior @ z.T, nothing)
+    )
+    return 2.0 * (likelier - plain)
+
+
+def family(one):
+    """Priors, made here anew: straight ones, with and without a step, and such that bend, by sizes; and their price."""
+    bends = bending(one.basis)
+    sizes = np.geomspace(1e-2, 1e8, SIZES) / (np.trace(one.z @ bends @ one.z.T) / len(bends))
+    for part in one.basis.plain:
+        straight = part @ one_sample(one.z @ part, one.hats @ part) @ part.T
+        yield straight, 0.0
+        for size in sizes:
+            yield straight + size * bends, np.log(SAMPLES)
+
+
+def is_bending(basis, prior):
+    """Whether a prior expects more than a straight line with a step."""
+    part = basis.plain[-1]
+    rest = prior - part @ np.linalg.lstsq(part, prior, rcond=None)[0]
+    return np.abs(rest).max() > 1e-9 * np.abs(prior).max()
+
+
+@several
+def test_the_gain_is_the_evidence(case):
+    one = Case(*case)
+    bends = is_bending(one.basis, one.curve.prior)
+    exact = evidence(one.y, one.z, one.curve.prior) - bends * np.log(SAMPLES)
+    assert one.curve.gain == pytest.approx(exact, rel=1e-6, abs=1e-6)
+
+
+@several
+def test_no_prior_of_the_family_has_more_evidence(case):
+    """Every size of the bending part, with and without a step, made here anew; the best one is returned."""
+    one = Case(*case)
+    gains = [evidence(one.y, one.z, prior) - price for prior, price in family(one)]
+    assert one.curve.gain == pytest.approx(max(gains), rel=1e-5, abs=1e-5)
+
+
+def bending(basis):
+    """Covariance of an integrated Wiener process: of its values, from that of its slope, by Simpson's rule."""
+    u = (basis.knots - basis.knots[0]) / (basis.knots[-1] - basis.knots[0])
+    kernel = np.empty((len(u), len(u)))
+    fine = np.linspace(0.0, 1.0, 2001)
+    for i, s in enumerate(u):
+        for j, t in enumerate(u):
+            product = np.clip(s - fine, 0.0, None) * np.clip(t - fine, 0.0, None)
+            kernel[i, j] = cumulative_simpson(product, x=fine)[-1]
+    line = np.vander(u, 2)
+    off = np.eye(len(u)) - line @ np.linalg.solve(line.T @ line, line.T)
+    kernel = off @ kernel @ off
+    return kernel / (np.trace(kernel) / len(u))
+
+
+def one_sample(free, alone):
+    """Covariance of coordinates of which one sample tells as much as their prior, where nothing is the model's own."""
+    assert np.linalg.eigvalsh(np.linalg.solve(alone.T @ alone, free.T @ free)).min() > 1e-3
+    return len(free) * np.linalg.inv(free.T @ free)
+
+
+@several
+def test_values_and_covariance_are_those_of_ridge_equations(case):
+    """As least squares with rows for the prior, in coordinates of unit variance."""
+    one = Case(*case)
+    strength, axes = np.linalg.eigh(one.curve.prior)
+    root = axes[:, strength > 1e-12 * strength.max()] * np.sqrt(strength[strength > 1e-12 * strength.max()])
+    whole = np.vstack([one.z @ root, np.eye(root.shape[1])])
+    found = np.linalg.lstsq(whole, np.append(one.y, np.zeros(root.shape[1])), rcond=None)[0]
+    size = max(np.abs(one.curve.values).max(), 1e-6)
+    assert one.curve.values == pytest.approx(root @ found, abs=1e-5 * size)
+    q, r = np.linalg.qr(whole)
+    spread = root @ np.linalg.solve(r, np.eye(len(r)))
+    covariance = spread @ spread.T
+    assert one.curve.covariance == pytest.approx(covariance, abs=1e-5 * np.abs(covariance).max())
+    assert q.shape[1] == len(r)
+
+
+@several
+def test_the_price_is_what_is_not_explained(case):
+    """Twice the fall of half the sum of squares with its prior, less the gain."""
+    one = Case(*case)
+    left = one.y - one.z @ one.curve.values
+    held = one.curve.values @ np.linalg.pinv(one.curve.prior, hermitian=True, rcond=1e-12) @ one.curve.values
+    fall = one.y @ one.y - left @ left - held
+    assert one.curve.gain + one.curve.complexity == pytest.approx(fall, rel=1e-5, abs=1e-5)
+    assert one.curve.complexity > 0.0
+
+
+def test_a_step_at_zero_is_preferred_where_there_is_one():
+    x = signal(6)
+    basis = Basis.over(x)
+    z = basis(x)
+    y = 3.0 * np.sign(x) + np.random.default_rng(7).normal(size=SAMPLES)
+    found = Columns(basis, z.T @ z, z.T @ z, SAMPLES).best(z.T @ y)
+    assert np.interp(0.2, basis.knots, found.values) == pytest.approx(3.0, abs=0.5)
+    assert np.interp(-0.2, basis.knots, found.values) == pytest.approx(-3.0, abs=0.5)
+    assert not is_bending(basis, found.prior), "a constant, a slope and a step are enough"
+
+
+LINE = Basis(np.array([0.0, 4.0]))  # which cannot bend
+
+
+def on_a_line(own):
+    """What is found of y = 10 + 20 x where the model has columns of its own, which are orthonormal."""
+    x = signal(8, crossing=False)
+    hats = LINE(x)
+    z, y = hats - own @ (own.T @ hats), 10.0 + 20.0 * x
+    return Columns(LINE, z.T @ z, hats.T @ hats, SAMPLES).best(z.T @ (y - own @ (own.T @ y)))
+
+
+def test_what_is_the_models_own_is_no_part_of_a_curve():
+    """A slope, and a constant, that parameters of the model can do as well are not expected, nor found, nor paid."""
+    x = signal(8, crossing=False)
+    one, both = (np.linalg.qr(np.vander(x, k))[0] for k in (1, 2))
+    found = on_a_line(both)
+    assert (found.gain, found.complexity) == (0.0, 0.0)
+    assert not found.prior.any()
+    assert not found.values.any()
+    assert not found.covariance.any()
+    found = on_a_line(one)
+    assert found.complexity == pytest.approx(np.log(1.0 + SAMPLES)), "that of one parameter in BIC"
+    assert np.linalg.matrix_rank(found.prior) == 1
+    assert np.diff(found.values) == pytest.approx(80.0, rel=0.02), "which tells no constant"
+    found = on_a_line(np.zeros((SAMPLES, 1)))
+    assert found.complexity == pytest.approx(2.0 * np.log(1.0 + SAMPLES))
+    assert found.values == pytest.approx([10.0, 90.0], rel=0.02)
+
+
+@pytest.mark.parametrize(("share", "rank"), [(1e-1, 2), (2e-3, 2), (5e-4, 1), (1e-6, 1)])
+def test_a_slope_of_which_little_is_left(share, rank):
+    """It has the information of one sample, or it is the model's."""
+    x = signal(9, crossing=False)
+    hats = LINE(x)
+    slope = (x - x.mean()) / np.linalg.norm(x - x.mean())
+    z = hats - (1.0 - np.sqrt(share)) * np.outer(slope, slope @ hats)
+    found = Columns(LINE, z.T @ z, hats.T @ hats, SAMPLES).best(np.zeros(2))
+    assert np.linalg.matrix_rank(found.prior, tol=1e-9 * np.abs(found.prior).max()) == rank
+    assert found.complexity == pytest.approx(rank * np.log(1.0 + SAMPLES), rel=1e-6)
+
+
+def test_a_bend_beside_a_line_that_is_the_models_own():
+    one = Case(8, 10.0, crossing=False, own=lambda x: LINE(x))
+    for part in one.basis.plain[0].T:
+        assert abs(part @ one.curve.prior @ part) < 1e-9 * np.trace(one.curve.prior)
+    assert one.curve.gain > 10.0
+
+
+def test_a_law_that_does_nothing_gains_nothing():
+    basis = Basis(np.linspace(0.0, 1.0, 9))
+    found = Columns(basis, np.zeros((9, 9)), np.zeros((9, 9)), SAMPLES).best(np.zeros(9))
+    assert found.gain == 0.0
+    assert not found.values.any()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(1e-6, 1e6), st.integers(0, 20))
+def test_units_do_not_matter(factor, seed):
+    """Columns in another unit of the law, and a signal in another unit."""
+    one, other = Case(seed, 2.0), Case(seed, 2.0, gain=factor)
+    assert other.curve.gain == pytest.approx(one.curve.gain, rel=1e-5, abs=1e-5)
+    size = np.abs(one.curve.values).max()
+    assert factor * other.curve.values == pytest.approx(one.curve.values, abs=1e-4 * size)
+    scaled = Basis(factor * one.basis.knots)
+    assert scaled.bending == pytest.approx(one.basis.bending, abs=1e-9)
+
+
+def test_by_chance_is_a_monte_carlo():
+    one = Case(10)
+    noise = np.random.default_rng(11).normal(size=(SAMPLES, 12))
+    noise[:, :3] += 4.0 * np.sign(one.x)[:, None]  # and such as steps, or bends
+    noise[:, 3:6] += 9.0 * np.sin(3.0 * one.x)[:, None]
+    found = one.columns.by_chance(one.z.T @ noise)
+    every = [evidence(noise.T, one.z, prior) - price for prior, price in family(one)]
+    for b in range(noise.shape[1]):
+        best = -np.inf
+        for gains in every:
+            best = max(best, gains[b])
+        assert found[b] == pytest.approx(best, rel=1e-4, abs=1e-4)
+
+
+def test_noise_hardly_ever_gains():
+    """Bayes: less than one in a hundred where there is nothing."""
+    one = Case(12)
+    noise = np.random.default_rng(13).normal(size=(SAMPLES, 2000))
+    assert np.mean(one.columns.by_chance(one.z.T @ noise) > 2.0 * np.log(100.0)) < 0.01
+
+
+# --- knots and hats ---------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=60, unique=True), st.integers(0, 99))
+def test_hats_are_those_of_interp(values, seed):
+    basis = Basis.over(np.array(values))
+    rng = np.random.default_rng(seed)
+    heights = rng.normal(size=len(basis.knots))
+    low, high = basis.knots[[0, -1]]
+    x = np.concatenate([values, basis.knots, rng.uniform(low - 1.0, high + 1.0, 50)])
+    hats = basis(x)
+    assert hats @ heights == pytest.approx(np.interp(x, basis.knots, heights), abs=1e-9)
+    assert hats.sum(axis=1) == pytest.approx(np.ones(len(x)))
+    assert hats.min() >= 0.0
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=60))
+def test_knots_span_the_signal_and_rise(values):
+    values = np.array(values)
+    knots = Basis.over(values).knots
+    assert knots[0] == values.min()
+    assert knots[-1] == values.max()
+    assert (np.diff(knots) > 0.0).all()
+    if len(np.unique(values)) <= KNOTS:
+        assert np.array_equal(knots, np.unique(values))
+    else:
+        assert len(knots) <= KNOTS + 3
+
+
+def test_knots_are_denser_where_a_signal_has_been_more_often():
+    often = np.append(np.linspace(1.0, 2.0, 900), np.linspace(2.0, 10.0, 100))
+    knots = Basis.over(often).knots
+    assert len(knots) == KNOTS
+    assert np.sum(knots < 5.5) > KNOTS // 2 + 2
+    assert len(Basis.over(often, 7).knots) == 7
+    few = np.arange(1.0, KNOTS + 1.0) ** 2
+    assert np.array_equal(Basis.over(np.repeat(few, 3)).knots, few)
+
+
+def test_there_may_be_a_step_where_a_signal_goes_through_zero():
+    knots = Basis.over(np.linspace(-1.0, 3.0, 999)).knots
+    near = knots[np.abs(knots) < 0.03]
+    assert near == pytest.approx([-0.02, 0.0, 0.02])
+    assert len(Basis.over(np.linspace(-1.0, 3.0, 999)).plain) == 2
+    assert len(Basis.over(np.linspace(1.0, 3.0, 999)).plain) == 1
+    assert len(Basis(np.array([-1.0, 0.0, 1.0])).plain) == 1, "too few knots"
+    step = Basis(np.array([-2.0, -0.01, 0.0, 0.01, 3.0])).plain[1][:, 2]
+    assert step.tolist() == [-1.0, -1.0, 0.0, 1.0, 1.0]
+
+
+def test_what_bends_is_no_line():
+    for knots in (np.linspace(0.0, 1.0, 12), np.sort(np.random.default_rng(1).uniform(-3.0, 5.0, 16))):
+        basis = Basis(knots)
+        assert basis.bending == pytest.approx(bending(basis), abs=1e-5)
+        assert np.vander(knots, 2).T @ basis.bending == pytest.approx(np.zeros((2, len(knots))), abs=1e-9)
+        assert np.trace(basis.bending) == pytest.approx(len(knots))
+
+
+def test_two_knots_have_nothing_to_bend():
+    basis = Basis(np.array([0.0, 1.0]))
+    z = basis(signal(3, crossing=False) / 3.5)
+    found = Columns(basis, z.T @ z, z.T @ z, SAMPLES).best(z.T @ np.ones(SAMPLES))
+    assert isinstance(found, Curve)
+    assert found.values == pytest.approx([1.0, 1.0], abs=0.02)
