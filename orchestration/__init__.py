@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from orchestration.api.diagnosis import diagnose
     from orchestration.api.identification import compare, fit
+    from orchestration.api.laws import laws
     from orchestration.api.models import build, check
     from orchestration.api.records import read_record
     from orchestration.api.runs import run
@@ -30,13 +31,14 @@ _HOME = {
     "diagnose": "orchestration.api.diagnosis",
     "find_model": "orchestration.fmu.model",
     "fit": "orchestration.api.identification",
+    "laws": "orchestration.api.laws",
     "read_record": "orchestration.api.records",
     "run": "orchestration.api.runs",
     "simulate": "orchestration.api.simulation",
     "System": "orchestration.system.model",
 }
 __all__ = [
-    "System", "build", "check", "compare", "diagnose", "find_model", "fit", "read_record", "run", "simulate",
+    "System", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run", "simulate",
 ]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from orchestration.records import Record
 def diagnosing(
     records: Sequence[Record], model: str, holdouts: Sequence[Record], later: Record | None, options: Options,
     settings: Mapping[str, float | str] | None = None, mapping: Mapping[str, str] | None = None,
-    runs: str | None = None,
+    runs: str | None = None, command: str = "diagnose",
 ) -> list[str]:  # fmt: skip
     """Words of the ``ppy diagnose`` that makes the same diagnosis.
 
@@ -30,12 +30,14 @@ def diagnosing(
         Column to signal.
     runs : str, optional
         Column that tells runs apart.
+    command : str
+        Another that takes the same, such as ``laws``.
     """
     held = [record.source for record in holdouts]
     # some runs of a file may be held out of the others: then both are read from it, and told apart by their labels
     shared = {record.source for record in records} & set(held)
     read = dict.fromkeys(record.source for record in (*records, *(r for r in holdouts if r.source in shared)))
-    words = ["ppy", "diagnose", *map(str, read), "--model", model]
+    words = ["ppy", command, *map(str, read), "--model", model]
     every = [*records, *(r for r in holdouts if r.source in shared)]
     named = dict(zip(labels(every), every, strict=True))
     out = [label for label, record in named.items() if any(record is r for r in holdouts)]

@@ -302,7 +302,7 @@ def diagnose(
     try:
         result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
-        raise _unusable(measured, error) from error
+        raise unusable(measured, error) from error
     named = model if isinstance(model, str) else subject.name
     command = diagnosing(measured, named, judged, later, options, settings, mapping, runs)
     if later is None:
@@ -310,11 +310,12 @@ def diagnose(
     try:
         compared = before_after.compare(result, later, options, progress)
     except UnusableRecordError as error:
-        raise _unusable([later], error) from error
+        raise unusable([later], error) from error
     more = [note for note in compared.notes if note not in result.notes]
     return DiagnosisResult(replace(result, notes=[*result.notes, *more]), compared.changes, compared.later, command)
 
 
-def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:
+def unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:
+    """What is told of records of which nothing can be judged."""
     reasons = "; ".join(wording.message(note) for note in error.notes)
     return UserError(f"{pipeline.file_names(records)}: no output can be both fitted and judged: {reasons}")

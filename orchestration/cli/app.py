@@ -34,6 +34,10 @@ _COMMANDS = {
         "Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.",
         "diagnose:diagnose",
     ),
+    "laws": (
+        "Ask every law of a model what it lacks on a record: which signal it hangs on besides, and by which curve.",
+        "laws:laws",
+    ),
     "demo": (
         "Do everything once: build, run the thesis's experiments, compare with an emulated rig, recalibrate, report.",
         "demo:demo",

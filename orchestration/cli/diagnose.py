@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from fmus.kit.errors import UserError
 from orchestration.api.diagnosis import DiagnosisResult, diagnose
@@ -13,6 +14,7 @@ from orchestration.api.records import held_out
 from orchestration.cli.models import model_file, note_neutral, open_model
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy.extended_model import destinations
+from orchestration.fmu.model import Model
 from orchestration.records import Record, parse_mapping
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
@@ -32,6 +34,8 @@ class Files:
         FMI platforms to build the FMU for; default is every one that a compiler here can serve.
     compare : Path, optional
         A later record, of which it is told what changed.
+    effect : Path, optional
+        File of Python to write.
     """
 
     records: Sequence[Path]
@@ -42,6 +46,7 @@ class Files:
     experiment: Path | None = None
     platforms: Sequence[str] | None = None
     compare: Path | None = None
+    effect: Path | None = None
 
     def check(self, sources: Sequence[Path] = ()) -> None:
         """Refuse, before any work is done, names under which nothing can be written or something would be lost.
@@ -60,10 +65,14 @@ class Files:
         read["the later record"] = self.compare
         read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
         read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
-        written = {"--json": self.result, "--report": self.report, "--experiment": self.experiment}
+        written = {
+            "--json": self.result, "--report": self.report, "--experiment": self.experiment,
+            "--effect-out": self.effect,
+        }  # fmt: skip
         if self.fmu is not None:
             written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, ()).items()}
-        Outputs(read, written, {"--json": JSON, "--report": PAGE, "--experiment": (".toml",)}).check()
+        endings = {"--json": JSON, "--report": PAGE, "--experiment": (".toml",), "--effect-out": (".py",)}
+        Outputs(read, written, endings).check()
         if self.compare is not None and any(same_file(record, self.compare) for record in self.records):
             raise UserError(f"--compare {self.compare}: this is the record itself; nothing in it can have changed")
         for path in others:
@@ -109,31 +118,50 @@ def run(
     UserError
         If a record or the model cannot be used, an effect is unknown, or something could not be written.
     """
+    read = opened(files, name, mapping, settings, effects, runs)
+    with progress() as tell:
+        result = diagnose(
+            read.records, read.model, holdout=read.holdouts or None, compare=files.compare, each=each,
+            effects=considered, hold=hold, settings=read.settings, interpolate=interpolate, time=time,
+            mapping=read.mapping, progress=tell,
+        )  # fmt: skip
+    out.print(*result.overview(), sep="\n")
+    write_json(files.result, result.to_dict())
+    write_all(lambda tell: _writers(result, files, shlex.join(command), tell))
+    return result
+
+
+class Opened(NamedTuple):
+    """What was opened before any work is done."""
+
+    model: Model
+    records: list[Record]
+    holdouts: list[Record]
+    mapping: dict[str, str]
+    settings: dict[str, str]
+
+
+def opened(
+    files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], effects: Sequence[str] = (),
+    runs: str | None = None,
+) -> Opened:  # fmt: skip
+    """Open the model and the records, once it is sure that what is asked for can be written; tell what is noticed.
+
+    Raises
+    ------
+    UserError
+        If something could not be written, or the model or a record cannot be read.
+    """
     files.check([file] if (file := model_file(name)) else [])
     model = open_model(name, effects=effects)
     note_neutral(model, [text.partition("=")[0].strip() for text in settings])
     renamed = parse_mapping(mapping)
     records, holdouts = held_out(files.records, files.holdout or None, model, renamed, runs)
     for record in (*records, *holdouts):
-        name = "" if record is records[0] and not record.label else f"{_called(record)}: "
+        called = "" if record is records[0] and not record.label else f"{_called(record)}: "
         # of a channel that is constant the diagnosis says what follows from it
-        tell_repairs([replace(r, message=f"{name}{r.message}") for r in record.repairs if r.kind != "constant"])
-    with progress() as tell:
-        result = diagnose(
-            records, model, holdout=holdouts or None, compare=files.compare, each=each, effects=considered, hold=hold,
-            settings=dict(_setting(text) for text in settings), interpolate=interpolate, time=time, mapping=renamed,
-            progress=tell,
-        )  # fmt: skip
-    out.print(*result.overview(), sep="\n")
-    write_json(files.result, result.to_dict())
-    failures: list[Exception] = []
-    with progress() as tell:
-        made = list(_written(result, files, shlex.join(command), tell, failures.append))
-    for path in made:
-        wrote(path)
-    if failures:
-        raise failures[0]
-    return result
+        tell_repairs([replace(r, message=f"{called}{r.message}") for r in record.repairs if r.kind != "constant"])
+    return Opened(model, [*records], [*holdouts], dict(renamed), dict(_setting(text) for text in settings))
 
 
 def _called(record: Record) -> str:
@@ -147,11 +175,33 @@ def _setting(text: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-def _written(
-    result: DiagnosisResult, files: Files, command: str, tell: Callable[[str], None],
-    failed: Callable[[Exception], None],
-) -> Iterator[Path]:  # fmt: skip
-    """Write everything that was asked for and can be, and say what cannot; where one fails, the others are written."""
+Writer = tuple[Callable[[Path], list[Path]], Path | None]
+
+
+def write_all(writers: Callable[[Callable[[str], None]], Sequence[Writer]]) -> None:
+    """Write everything that was asked for and can be; where one fails, the others are written before it is told.
+
+    Parameters
+    ----------
+    writers : callable
+        Of what is told of progress: what writes a file, and its name if it was asked for.
+    """
+    failures: list[Exception] = []
+    made: list[Path] = []
+    with progress() as tell:
+        for write, path in writers(tell):
+            try:
+                made += write(path) if path is not None else []
+            except Exception as error:
+                failures.append(error)
+    for path in made:
+        wrote(path)
+    if failures:
+        raise failures[0]
+
+
+def _writers(result: DiagnosisResult, files: Files, command: str, tell: Callable[[str], None]) -> list[Writer]:
+    """What writes what was asked for, or says why there is nothing to write."""
 
     def report(path: Path) -> list[Path]:
         tell("drawing the report")
@@ -169,8 +219,4 @@ def _written(
             return []
         return [result.experiment.to_toml(path)]
 
-    for write, path in ((report, files.report), (fmu, files.fmu), (experiment, files.experiment)):
-        try:
-            yield from write(path) if path is not None else []
-        except Exception as error:
-            failed(error)
+    return [(report, files.report), (fmu, files.fmu), (experiment, files.experiment)]

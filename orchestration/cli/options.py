@@ -61,7 +61,7 @@ def complete_effects(context: typer.Context, incomplete: str) -> list[str]:
     # while an option lacks its value, what was named before is among the arguments that are not sorted out yet
     words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
     name = next((word for word in words if word in MODELS), None)
-    if name is None and context.command.name == "diagnose" and "--model" not in words:
+    if name is None and context.command.name in ("diagnose", "laws") and "--model" not in words:
         name = DEFAULT_MODEL
     if name is None:
         return []

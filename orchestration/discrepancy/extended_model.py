@@ -17,6 +17,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.record.smooth_inputs import with_knots
 from fmus.kit.units import shown
 from orchestration.discrepancy.candidates.candidate import label
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.validation.prediction import parameters_on
@@ -71,12 +72,17 @@ def extended(diagnosis: Diagnosis, record: str) -> type[Component]:
     if diagnosis.inconclusive:
         raise UserError(f"{record}: no input moves, so that there is nothing to make an FMU of")
     best = diagnosis.final
-    # of several records it is the model of the first one
-    cls, values = best.candidate.cls, best.problem.runs[0].values(best.problem.start | best.fit.values)
-    defaults = {p.name: _allowed(values[p.name], p) for p in cls.layout.parameters if values[p.name] != p.start}
-    made = stack(cls, name=f"{cls.name}_fitted", defaults=defaults)
+    defaults = fitted_defaults(best)
+    made = stack(best.candidate.cls, name=f"{best.candidate.cls.name}_fitted", defaults=defaults)
     made.remark = "\n".join(_remarks(diagnosis, record, defaults))
     return made
+
+
+def fitted_defaults(best: FittedCandidate) -> dict[str, float]:
+    """Parameters whose fitted values differ from their defaults, start values too; of several records in the first."""
+    values = best.problem.runs[0].values(best.problem.start | best.fit.values)
+    parameters = best.candidate.cls.layout.parameters
+    return {p.name: _allowed(values[p.name], p) for p in parameters if values[p.name] != p.start}
 
 
 def _allowed(value: float, declared: ParameterDeclaration) -> float:

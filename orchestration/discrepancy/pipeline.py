@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -149,7 +149,41 @@ def diagnose(
     UserError
         If a record or the model cannot be used, or an effect or a parameter is unknown.
     """
-    chosen = options or Options()
+    result, data = _judged(record, model, holdout, options or Options(), progress)
+    diagnosis, chosen, notes = result.diagnosis, options or Options(), list(result.notes)
+    component = gain = experiment = None
+    if not diagnosis.inconclusive:
+        progress("running the extended FMU over the validation data")
+        try:
+            component = extended(diagnosis, result.files)
+            gain = measured_gain(diagnosis, build_cached(component, "native"))
+        except Exception as error:  # whatever it was, the diagnosis stands without it
+            notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": _reason(error)}))
+    if diagnosis.verdict is Verdict.AMBIGUOUS and not diagnosis.unsettled:
+        try:
+            limits, highest = chosen.limits, chosen.highest_frequency
+            experiment = design(diagnosis.selection, data, limits, highest, None, progress)
+        except Exception as error:  # as above
+            notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": _reason(error)}))
+    return replace(result, component=component, gain=gain, experiment=experiment, notes=notes)
+
+
+def judge(
+    record: Record | Sequence[Record],
+    model: Model,
+    holdout: Record | Sequence[Record] | None = None,
+    options: Options | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Result:
+    """Do the same without what follows: no FMU is built, and no experiment is designed; see `diagnose`."""
+    return _judged(record, model, holdout, options or Options(), progress)[0]
+
+
+def _judged(
+    record: Record | Sequence[Record], model: Model, holdout: Record | Sequence[Record] | None, chosen: Options,
+    progress: Callable[[str], None],
+) -> tuple[Result, Dataset]:  # fmt: skip
+    """The diagnosis, and the data that it was made of."""
     if chosen.time is not None and not chosen.time > 0.0:
         raise UserError(f"time: {chosen.time:g} s is no time; inf is without limit")
     if model.cls is None:
@@ -168,21 +202,7 @@ def diagnose(
     each = chosen.each if len(every) > 1 else ()
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, each)
     notes = [*absent_inputs(model, every, chosen.given), *gap_notes(every), *diagnosis.notes]
-    component = gain = experiment = None
-    if not diagnosis.inconclusive:
-        progress("running the extended FMU over the validation data")
-        try:
-            component = extended(diagnosis, file_names(records))
-            gain = measured_gain(diagnosis, build_cached(component, "native"))
-        except Exception as error:  # whatever it was, the diagnosis stands without it
-            notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": _reason(error)}))
-    if diagnosis.verdict is Verdict.AMBIGUOUS and not diagnosis.unsettled:
-        try:
-            limits, highest = chosen.limits, chosen.highest_frequency
-            experiment = design(diagnosis.selection, data, limits, highest, None, progress)
-        except Exception as error:  # as above
-            notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": _reason(error)}))
-    return Result(records, holdouts, model, effects, diagnosis, component, gain, experiment, notes)
+    return Result(records, holdouts, model, effects, diagnosis, None, None, None, notes), data
 
 
 def parameters_given(options: Options, model: Model) -> dict[str, float]:

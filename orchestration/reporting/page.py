@@ -33,7 +33,8 @@ for (const place of document.querySelectorAll("div.plot")) {
   const figure = JSON.parse(place.nextElementSibling.textContent);
   if (touch) figure.layout.dragmode = false;
   Plotly.newPlot(place, figure.data, figure.layout, {responsive: true, displayModeBar: false}).then(() => {
-    const more = place.querySelector(".legend").getBoundingClientRect().height - 30;
+    const legend = place.querySelector(".legend");
+    const more = legend ? legend.getBoundingClientRect().height - 30 : 0;
     if (more > 0) { // the legend has taken more lines than one, and gets the room
       const height = figure.layout.height + more;
       place.style.height = height + "px";

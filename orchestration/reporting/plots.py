@@ -210,3 +210,49 @@ def _box(ends: dict[str, Any], colour: str) -> dict[str, Any]:
 
 def _y(panel: int) -> str:
     return f"y{panel + 1}" if panel else "y"
+
+
+def heat_map(
+    rows: Sequence[str], columns: Sequence[str], values: Array, texts: Sequence[Sequence[str]], title: str
+) -> dict[str, Any]:
+    """Draw a table of positive numbers as colours on a logarithmic scale.
+
+    Parameters
+    ----------
+    rows, columns : sequence of str
+        Names, from above and from the left.
+    values : ndarray, shape (rows, columns)
+        Nothing is drawn where one is NaN.
+    texts : sequence of sequence of str
+        What is told of each.
+    title : str
+        Of the colours.
+
+    Returns
+    -------
+    dict
+        ``data`` and ``layout``.
+    """
+    powers = np.log10(values)
+    known = powers[np.isfinite(powers)]
+    low, high = (np.floor(known.min()), np.ceil(known.max())) if len(known) else (0.0, 1.0)
+    high = max(high, low + 1.0)
+    ticks = np.unique(np.round(np.linspace(low, high, 5)))
+    longest = max((len(name) for name in columns), default=0)
+    bottom, left = 24 + min(5 * longest, 170), 24 + min(7 * max((len(name) for name in rows), default=0), 150)
+    drawn = {
+        "type": "heatmap", "x": list(map(escaped, columns)), "y": list(map(escaped, rows)), "xgap": 2, "ygap": 2,
+        "z": [[None if not np.isfinite(v) else float(v) for v in row] for row in powers], "zmin": low, "zmax": high,
+        "text": [list(map(escaped, row)) for row in texts], "hovertemplate": "%{text}<extra></extra>",
+        "colorscale": [[0.0, "#eef3f7"], [0.5, "#7fb0d0"], [0.8, "#0b6aa2"], [1.0, "#08304a"]],
+        "colorbar": {"title": {"text": title, "font": _FONT}, "tickvals": ticks.tolist(), "thickness": 14,
+                     "ticktext": [f"{10.0**t:,.0f}" for t in ticks], "outlinewidth": 0},
+    }  # fmt: skip
+    axis = {"showgrid": False, "zeroline": False, "ticks": "", "fixedrange": True, "automargin": False}
+    layout = {
+        "height": 30 * len(rows) + bottom + 40 + max(0, 110 - 30 * len(rows)), "font": _FONT,
+        "margin": {"l": left, "r": 8, "t": 16, "b": bottom}, "paper_bgcolor": "#fff", "plot_bgcolor": "#fff",
+        "xaxis": {**axis, "tickangle": -40, "type": "category"},
+        "yaxis": {**axis, "autorange": "reversed", "type": "category"},
+    }  # fmt: skip
+    return {"data": [drawn], "layout": layout}

@@ -61,8 +61,8 @@ def page(result: Result, command: str, changes: Sequence[Change] = (), later: Re
         made.text(f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it.")
         made.code([result.experiment.toml(result.model.name, sentence)])
     read = [*result.records, *result.holdouts, *(later.records if later is not None else [])]
-    _data(made, read)
-    _reproduce(made, read, command)
+    data(made, read)
+    reproduce(made, read, command)
     return made
 
 
@@ -121,7 +121,7 @@ def _comparison(made: Page, changes: Sequence[Change], result: Result, later: Re
     made.items([wording.message(note) for note in later.notes if note.code not in wording.IN_HEADLINE])
 
 
-def _data(made: Page, records: Sequence[Record]) -> None:
+def data(made: Page, records: Sequence[Record]) -> None:
     """What was repaired in the files."""
     made.heading("The data")
     for record in records:
@@ -131,7 +131,7 @@ def _data(made: Page, records: Sequence[Record]) -> None:
         made.items(repairs)
 
 
-def _reproduce(made: Page, records: Sequence[Record], command: str) -> None:
+def reproduce(made: Page, records: Sequence[Record], command: str) -> None:
     """The command, and what it was given."""
     made.heading("How to reproduce")
     made.code([command])

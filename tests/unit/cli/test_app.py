@@ -16,7 +16,7 @@ from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from tests.support.archive import edited
 from tests.support.command import PNG, UNITS, measure, ppy, works
 
-COMMANDS = ("list", "info", "build", "check", "simulate", "run", "compare", "diagnose", "demo", "thesis")
+COMMANDS = ("list", "info", "build", "check", "simulate", "run", "compare", "diagnose", "laws", "demo", "thesis")
 
 
 @pytest.fixture

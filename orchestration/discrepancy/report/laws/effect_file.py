@@ -1,0 +1,160 @@
+"""A correction of a law as a file of Python: a class of a few lines to read, to change and to lay over the model."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from fmus.kit import Component, files
+from fmus.kit.corrections import Of
+from fmus.kit.declare import Declaration
+from orchestration.discrepancy.extended_model import fitted_defaults
+from orchestration.discrepancy.laws.discovery import Correction
+from orchestration.discrepancy.report.laws import wording
+from orchestration.discrepancy.report.laws.asked import Asked, named, signal_of, table_of
+
+# as the kit computes them: x is the signal, w its width, s its typical size
+FORMULAS = {
+    "linear": "x",
+    "asymmetric": "absolute(x)",
+    "quadratic": "x * x",
+    "odd_quadratic": "x * absolute(x)",
+    "cubic": "x * (x * x)",
+    "saturating": "tanh(x / {w})",
+    "sign": "tanh(x / {w})",
+    "exponential": "exp(minimum(x / {w}, 30.0)) - 1.0",
+    "square_root": "x / sqrt(absolute(x) / {s} + 1e-6)",
+    "stribeck": "tanh(10.0 * x / {w}) * exp(-minimum((x / {w}) * (x / {w}), 30.0))",
+    "stops": "x - clip(x, -{w}, {w})",
+    "weir": "maximum(x - {w}, 0.0) * sqrt(maximum(x - {w}, 0.0) / {s} + 1e-6)",
+    "upper_stop": "maximum(x - {w}, 0.0)",
+    "lower_stop": "minimum(x + {w}, 0.0)",
+}
+_FUNCTIONS = ("absolute", "clip", "exp", "maximum", "minimum", "sqrt", "table", "tanh")
+_FAR = 1e9  # nominal values, beyond which a bound is none
+_ROW = 6  # numbers in a line of a table
+
+
+def write(asked: Asked, correction: Correction, path: Path) -> None:
+    """Write the file.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written.
+    """
+    files.write(path, source(asked, correction).encode())
+
+
+def source(asked: Asked, correction: Correction) -> str:
+    """Return the text of the file."""
+    effect, base = correction.model.effect, asked.component
+    law, of = signal_of(effect)
+    title = "".join(part.title() for part in re.split(r"\W|_", f"{law} over {named(correction.entry.signal)}") if part)
+    values = correction.model.problem.start | correction.model.fit.values
+    values |= fitted_defaults(correction.model)
+    own = {p.name for p in effect.layout.parameters}
+    beside = {n: v for n, v in fitted_defaults(correction.model).items() if n not in own}
+    body = list(_body(base, correction, of, values))
+    used = [name for name in _FUNCTIONS if re.search(rf"\b{name}\(", "\n".join(body))]
+    kit = sorted(["Effect", "Parameter", *(["State"] if of.memory else []), *used], key=str.lower)
+    lines = [
+        f'"""{law.capitalize()} over {named(correction.entry.signal)}: what {base.name} lacks on a record.', "",
+        f"    from fmus.kit import stack\n\n    better = stack({base.__name__}, {title}, defaults=FITTED)", '"""', "",
+        f"from fmus.kit import {', '.join(kit)}",
+        *(["from fmus.kit.curves import SHAPES"] if any("SHAPES[" in line for line in body) else []), "",
+        f"# fitted to {asked.result.files!a}: the model's own parameters beside the correction, SI",
+        "FITTED = {", *(f'    "{name}": {_number(value)},' for name, value in beside.items()), "}",
+        *_table(correction), "", "", f"class {title}(Effect):",
+        f'    """{_said(asked, correction)}"""', "",
+        f'    id = "{law}_over_{re.sub(r"_memory$", "", _memory(correction))}"', f'    neutral = "{effect.neutral}"',
+        f"    assumption = {_text(str(effect.assumption))}", "", *body,
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _said(asked: Asked, correction: Correction) -> str:
+    factor = " as a factor" if correction.entry.kind == "multiply" else ""
+    text = f"{correction.entry.law} hangs on {named(correction.entry.signal)}{factor}"
+    return f"{text}: {wording.shape_name(correction.shape)}." if correction.shape else f"{text}: a table."
+
+
+def _memory(correction: Correction) -> str:
+    signal = correction.entry.signal
+    return f"{signal.name}_{signal.memory}" if signal.memory else signal.name
+
+
+def _table(correction: Correction) -> Iterator[str]:
+    """Lines of the constants of a table."""
+    if correction.shape:
+        return
+    for name, numbers in zip(("KNOTS", "VALUES"), table_of(correction.model.effect), strict=True):
+        yield f"{name} = ("
+        for k in range(0, len(numbers), _ROW):
+            yield f"    {', '.join(map(_number, numbers[k : k + _ROW]))},"
+        yield ")"
+
+
+def _body(cls: type[Component], correction: Correction, of: Of, values: dict[str, float]) -> Iterator[str]:
+    """Lines of the class: its parameters, what it remembers, and the law."""
+    effect = correction.model.effect
+    law, kind, layout = correction.entry.law, correction.entry.kind, effect.layout
+    for p in layout.parameters:
+        if not p.starts:
+            yield f"    {p.name} = Parameter({', '.join([_number(values[p.name]), *_about(p)])})"
+    for state in layout.states:
+        start = _number(values[layout.start_of[state.name]])
+        told = [_text(state.unit), f'rate="{state.rate}"', f"start={start}", *_about(state)[1:]]
+        yield f"    {state.name} = State({', '.join(told)})"
+    arguments = "*arguments" if len(inspect.signature(getattr(cls, law)).parameters) > 1 else ""
+    yield ""
+    yield f"    def {law}(self{', ' if arguments else ''}{arguments}):"
+    yield f"        below = super().{law}({arguments})"
+    is_law = callable(getattr(cls, of.name, None))
+    now = "below" if of.name == law else f"self.{of.name}{'()' if is_law else ''}"
+    memory = next((f"self.{state.name}" for state in layout.states), "")
+    yield f"        x = {f'{now} - {memory}' if of.memory == 'leading' else memory or now}"
+    more = f"self.{effect.neutral} * {_form(correction, of)}"
+    yield f"        return below + {more}" if kind == "add" else f"        return below * (1.0 + {more})"
+    for state in layout.states:
+        # what is remembered of the law itself is of the law as it is without
+        begin = f"super().{law}()" if of.name == law else now
+        what = f"{begin}**2" if of.memory == "heat" else begin
+        rate = {"integrated": begin, "throughput": f"absolute({begin})"}.get(
+            of.memory, f"({what} - self.{state.name}) / self.{state.name}_constant"
+        )
+        yield from ("", f"    def {state.rate}(self):", f"        return {rate}")
+
+
+def _form(correction: Correction, of: Of) -> str:
+    """The function of x."""
+    if not correction.shape:
+        return "table(x, KNOTS, VALUES)"
+    width, size = f"self.{correction.model.effect.neutral}_width", _number(of.scale)
+    known = FORMULAS.get(correction.shape)
+    if known is None:
+        has = f"{correction.model.effect.neutral}_width" in correction.model.effect.declared
+        return f'SHAPES["{correction.shape}"].form(x, {width if has else 1.0}, {size})'
+    text = known.format(w=width, s=size)
+    return text if text == "x" or re.fullmatch(r"\w+\([^()]*\)", text) else f"({text})"
+
+
+def _about(declared: Declaration) -> Sequence[str]:
+    """Unit, ends that mean something, typical size and words of a parameter."""
+    bounds = ((name, getattr(declared, name)) for name in ("min", "max"))
+    near = [f"{name}={_number(end)}" for name, end in bounds if abs(end) < _FAR * declared.nominal]
+    return [_text(declared.unit), *near, f"nominal={_number(declared.nominal)}", f"doc={_text(declared.doc)}"]
+
+
+def _number(value: Any) -> str:
+    """A number with as many digits as a simulation can tell."""
+    return repr(float(f"{float(value):.12g}"))
+
+
+def _text(text: str) -> str:
+    """A text between quotes."""
+    return json.dumps(text)
