@@ -23,6 +23,7 @@ from .functions import (
     minimum,
     sign,
     sin,
+    smooth_table,
     sqrt,
     table,
     tanh,
@@ -32,5 +33,5 @@ from .functions import (
 __all__ = [
     "Component", "Discrete", "Effect", "Input", "Output", "Parameter", "Preset", "State", "Text", "UserError",
     "absolute", "arccos", "arctan2", "clip", "cos", "exp", "floor", "hypot", "log", "logical_and", "logical_not",
-    "logical_or", "maximum", "minimum", "sign", "sin", "sqrt", "stack", "table", "tanh", "where",
+    "logical_or", "maximum", "minimum", "sign", "sin", "smooth_table", "sqrt", "stack", "table", "tanh", "where",
 ]  # fmt: skip

@@ -17,10 +17,11 @@ from .component import Component, Effect, Term
 from .curves import ANY, SHAPES, coefficient, per
 from .declare import Parameter, State
 from .errors import UserError, suggestion
-from .functions import absolute, table
+from .functions import absolute, smooth_table
 
 MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
 KINDS = ("add", "multiply")
+_FAMILIES = {"": "over {}", "heat": "over temperature", "throughput": "over throughput"}  # others remember
 _LAGS = "lagged", "leading", "heat"
 
 
@@ -74,6 +75,14 @@ class Of:
         return self.unit
 
 
+def family(law: str, signal: str, memory: str = "") -> str:
+    """Family of effects of a law and a signal, as :class:`~fmus.kit.component.Term` has it.
+
+    What is heated has a temperature, and what passed is a throughput, whatever signal they are of.
+    """
+    return f"{law} {_FAMILIES.get(memory, 'remembering {}').format(signal)}"
+
+
 @dataclass(frozen=True)
 class _Function:
     """A function of a signal: its formula, its value for a component and x, and its own declarations by name."""
@@ -98,8 +107,8 @@ def correction(
     of : Of or tuple
         The signal (x), or its attributes in order. Of a law that corrects itself it is what that law is without.
     shape : str or sequence of float
-        One of :data:`~fmus.kit.curves.SHAPES`, or the knots of a table in the unit of the signal, straight in between
-        and flat beyond them.
+        One of :data:`~fmus.kit.curves.SHAPES`, or the knots of a table in the unit of the signal, smooth in
+        between and straight on beyond them (:func:`~fmus.kit.functions.smooth_table`).
     unit : str
         SI unit of the law.
     nominal : float
@@ -153,7 +162,7 @@ def correction(
 
     about = {
         "id": law,
-        "term": Term(law, of.label, function.text, f"{law} over {of.name}",
+        "term": Term(law, of.label, function.text, family(law, of.name, of.memory),
                      "_".join(filter(None, (of.name, of.memory)))),
         "neutral": own,
         "made_by": correction,
@@ -211,7 +220,8 @@ def _tabulated(
         declared[name] = Parameter(y, size, min=-ANY * wanted, max=ANY * wanted, nominal=wanted, doc=text)
 
     def value(self: Any, x: Any) -> Any:
-        return getattr(self, own) * table(x, knots, given if fixed else [getattr(self, name) for name in names])
+        values = given if fixed else [getattr(self, name) for name in names]
+        return getattr(self, own) * smooth_table(x, knots, values)
 
     return _Function("a table", value, declared)
 

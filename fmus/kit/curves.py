@@ -59,6 +59,13 @@ SHAPES: dict[str, Shape] = {
     "cubic": Shape(lambda x, w, s: x * (x * x), 3, 0.0, "a x^3"),
     "saturating": Shape(lambda x, w, s: tanh(x / w), 0, 1.0, "a tanh(x / w)"),
     "sign": Shape(lambda x, w, s: tanh(x / w), 0, _SHARP, "a tanh(x / w), w small", 0.0),
+    "sign_beyond": Shape(
+        lambda x, w, s: 0.5 * (tanh(_STEEP * (x / w - 1.0)) + tanh(_STEEP * (x / w + 1.0))),
+        0,
+        0.5,
+        "a sign(x) beyond |x| = w, smooth",
+    ),
+    "levelling": Shape(lambda x, w, s: x - w * tanh(x / w), 1, 0.5, "a (x - w tanh(x / w))"),
     "exponential": Shape(lambda x, w, s: exp(minimum(x / w, _STEEPEST)) - 1.0, 0, 1.0, "a (exp(x / w) - 1)"),
     "square_root": Shape(lambda x, w, s: x / sqrt(absolute(x) / s + _ROUND), 1, 0.0, "a x / sqrt(|x| / n)"),
     "stribeck": Shape(

@@ -136,3 +136,68 @@ def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
     for left, right, low, high in zip(xs, xs[1:], ys, ys[1:], strict=False):
         found = where(x > left, low + (high - low) / (right - left) * (x - left), found)
     return where(x >= xs[-1], ys[-1], found)
+
+
+def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
+    """Interpolate in a table by cubics whose slope has no jumps, and go straight on beyond its ends.
+
+    The slope at a point is that of the parabola through it and its neighbours (Fritsch, Carlson, SIAM J. Numer. Anal.
+    17, 1980, of those that are linear in the values). Where there is a point at zero the curve may step: it is straight
+    from the point before it to the one behind it, and its slope may jump there.
+
+    Parameters
+    ----------
+    x : float, ndarray or SX
+    xs : sequence of float
+        Abscissae, each above the one before.
+    ys : sequence
+        Values, as many.
+
+    Returns
+    -------
+    float, ndarray or SX
+        In the unit of the values.
+
+    Raises
+    ------
+    ValueError
+        If there are no points, or not as many values as abscissae.
+    """
+    if not xs or len(xs) != len(ys):
+        raise ValueError(f"a table of {len(xs)} abscissae and {len(ys)} values")
+    if len(xs) == 1:
+        return ys[0]
+    ends = slopes(xs, ys)
+    found = ys[0] + ends[0][0] * (x - xs[0])
+    for left, right, low, high, (rise, fall) in zip(xs, xs[1:], ys, ys[1:], ends, strict=False):
+        width, beyond = right - left, x - left
+        chord = (high - low) / width
+        bend, twist = (3.0 * chord - 2.0 * rise - fall) / width, (rise + fall - 2.0 * chord) / (width * width)
+        found = where(x > left, low + beyond * (rise + beyond * (bend + beyond * twist)), found)
+    return where(x >= xs[-1], ys[-1] + ends[-1][1] * (x - xs[-1]), found)
+
+
+def slopes(xs: Sequence[float], ys: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """Slopes of a smooth table at both ends of each interval between its points; see :func:`smooth_table`.
+
+    Parameters
+    ----------
+    xs : sequence of float, of k
+    ys : sequence, of k
+
+    Returns
+    -------
+    list of tuple, of k - 1
+    """
+    widths = [xs[k + 1] - xs[k] for k in range(len(xs) - 1)]
+    chords = [(high - low) / width for low, high, width in zip(ys, ys[1:], widths, strict=False)]
+    last = len(widths)
+    apart = {0, last} | {k + side for k in range(1, last) if xs[k] == 0.0 for side in (-1, 0, 1)}
+
+    def slope(k: int, interval: int) -> Any:
+        if k in apart:
+            return chords[interval]
+        before, behind = widths[k - 1], widths[k]
+        return (behind * chords[k - 1] + before * chords[k]) / (before + behind)
+
+    return [(slope(k, k), slope(k + 1, k)) for k in range(last)]

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from fmus.galvanostat.model import Galvanostat
-from fmus.kit import UserError, stack, units
+from fmus.kit import UserError, smooth_table, stack, units
 from fmus.kit.component import effect_name
 from fmus.kit.corrections import KINDS, MEMORIES, Of, correction
 from fmus.kit.curves import SHAPES
@@ -224,7 +224,7 @@ def test_a_law_multiplied():
     st.sampled_from(KINDS),
     st.booleans(),
 )
-def test_a_table_is_interp(knots, seed, kind, fixed):
+def test_a_table_is_smooth(knots, seed, kind, fixed):
     rng, knots = np.random.default_rng(seed), sorted(knots)
     heights = rng.normal(size=len(knots))
     about = {"values": list(heights), "fixed": fixed}
@@ -233,16 +233,16 @@ def test_a_table_is_interp(knots, seed, kind, fixed):
     model.base_of_drive = share
     for x in (*knots, *rng.uniform(-4.0, 4.0, 10)):
         model.drive = float(x)
-        more = share * float(np.interp(x, knots, heights))
+        more = share * smooth_table(x, knots, heights)
         expected = (2.0 + x) + more if kind == "add" else (2.0 + x) * (1.0 + more)
         assert model.seen() == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_a_table_is_interp_in_a_simulation():
+def test_a_table_is_so_in_a_simulation():
     knots, heights = [-1.0, -0.2, 0.3, 1.6], [2.0, -1.0, 0.5, 3.0]
     effect = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V")
     values = {"base_of_drive_lagged": 1.0} | {f"base_of_drive_lagged_at_{k}": y for k, y in enumerate(heights)}
-    exact = np.interp(behind(WAVE, 0.3, 0.0), knots, heights)
+    exact = np.array([smooth_table(float(x), knots, heights) for x in behind(WAVE, 0.3, 0.0)])
     assert added(effect, values) == pytest.approx(exact, abs=1e-4)
     fixed = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights, fixed=True)
     assert added(fixed, {"base_of_drive_lagged": 1.0}) == pytest.approx(exact, abs=1e-4)
@@ -287,7 +287,9 @@ def test_names():
     multiplied = correction(Plain, "base", Of("drive", "throughput"), [0.0, 1.0], kind="multiply")
     text = "base hangs on drive integrated in modulus: a table, multiplied with one and it."
     assert multiplied.__doc__ == text
-    assert effect.term.family == multiplied.term.family == "base over drive"
+    assert effect.term.family == "base remembering drive"
+    assert multiplied.term.family == "base over throughput"
+    assert correction(Plain, "base", Of("drive"), "cubic").term.family == "base over drive"
 
 
 def test_two_over_one_another():

@@ -3,8 +3,9 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import CubicHermiteSpline
 
 from fmus.kit import (
     absolute,
@@ -23,6 +24,7 @@ from fmus.kit import (
     minimum,
     sign,
     sin,
+    smooth_table,
     sqrt,
     tanh,
     where,
@@ -158,3 +160,36 @@ def test_where_with_a_number_for_condition_takes_anything():
 def test_numpy_scalars_are_floats():
     assert log(np.float64(0.0)) == -math.inf
     assert maximum(np.float64(2.0), 1.0) == 2.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=9, unique_by=lambda x: round(x, 2)).map(sorted),
+    st.integers(0, 999),
+)
+def test_a_smooth_table_is_hermite_with_slopes_of_parabolas(knots, seed):
+    knots = [x for x in knots if x != 0.0]
+    assume(len(knots) > 1)
+    heights = np.random.default_rng(seed).normal(size=len(knots))
+    ends = [np.diff(heights[s]) / np.diff(knots[s]) for s in (slice(0, 2), slice(-2, None))]
+    inner = [np.polyval(np.polyder(np.polyfit(knots[k - 1 : k + 2], heights[k - 1 : k + 2], 2)), knots[k])
+             for k in range(1, len(knots) - 1)]  # fmt: skip
+    curve = CubicHermiteSpline(knots, heights, [*ends[0], *inner, *ends[1]])
+    for x in np.random.default_rng(seed + 1).uniform(knots[0], knots[-1], 20):
+        assert smooth_table(float(x), knots, list(heights)) == pytest.approx(float(curve(x)), rel=1e-6, abs=1e-6)
+    for x, k, slope in ((knots[0] - 1.3, 0, ends[0]), (knots[-1] + 0.7, -1, ends[1])):
+        straight = heights[k] + float(slope[0]) * (x - knots[k])
+        assert smooth_table(x, knots, list(heights)) == pytest.approx(straight, rel=1e-9, abs=1e-9)
+
+
+def test_a_smooth_table_may_step_at_zero():
+    knots, heights = [-2.0, -1.0, -0.01, 0.0, 0.01, 1.0, 2.0], [-1.0, -1.0, -1.0, 0.0, 1.0, 1.0, 1.0]
+    x = np.linspace(-2.0, 2.0, 801)
+    found = np.array([smooth_table(float(one), knots, heights) for one in x])
+    assert found == pytest.approx(np.interp(x, knots, heights), abs=1e-12)
+
+
+def test_a_smooth_table_of_one_point_is_a_constant():
+    assert smooth_table(3.0, [1.0], [7.0]) == 7.0
+    with pytest.raises(ValueError, match="1 abscissae and 2 values"):
+        smooth_table(0.0, [1.0], [1.0, 2.0])

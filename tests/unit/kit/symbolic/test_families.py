@@ -164,6 +164,8 @@ BY_HAND = {
     "cubic": lambda x: x**3,
     "saturating": lambda x: np.tanh(x / W),
     "sign": lambda x: np.tanh(x / W),
+    "sign_beyond": lambda x: 1.0 / (1.0 + np.exp(-20.0 * (x / W - 1.0))) - 1.0 / (1.0 + np.exp(20.0 * (x / W + 1.0))),
+    "levelling": lambda x: x - W * np.tanh(x / W),
     "exponential": lambda x: np.expm1(x / W),
     "square_root": lambda x: np.sign(x) * np.sqrt(abs(x)),
     "stribeck": lambda x: np.tanh(10 * x / W) * np.exp(-((x / W) ** 2)),
