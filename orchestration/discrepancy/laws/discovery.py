@@ -4,31 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect
-from fmus.kit.corrections import Of, correction
-from fmus.kit.symbolic.families import laws_of
+from fmus.kit import Component
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData, is_at_rest
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.laws.fit import CurveFit, FittedCurve
-from orchestration.discrepancy.laws.map import Entry, LawMap
-from orchestration.discrepancy.laws.shapes import Likeness, likenesses
+from orchestration.discrepancy.laws.fitting import FittedEntry, Fitting
+from orchestration.discrepancy.laws.map import Entry, LawMap, alike
 from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome, score
 from orchestration.discrepancy.validation.prediction import predict
+from orchestration.fmu.effects import catalogue, families
 from orchestration.records.joined import base_name
 
 Array = NDArray[np.float64]
-_NAMED = 3  # shapes that are fitted in the model
 _TOLD = 6  # corrections that are told
+_NEAR = 0.5  # of the fall of the best, which a correction that is told must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
-_ABOUT = 0.02  # of what the best gains, likewise: a curve that is straight between knots is not the plant's
+_ABOUT = 0.05  # of what the best gains, likewise: no curve, and no lag, is quite the plant's
 _SURE = 1.96  # standard deviations of a band
 
 
@@ -38,14 +35,16 @@ class Correction:
 
     Attributes
     ----------
-    entry : Entry
-        Of the map.
-    fitted : FittedCurve
-        As a curve, with all parameters of the model.
+    fitted : FittedEntry
+        An entry of the map, with all parameters of the model.
     gain : float
         Fall of the criterion of Bayes against the model without it, less what looking at so many costs.
     shape : str
         What it looks like; empty where no simple shape is as good as the curve.
+    shapes : tuple of tuple of str and float
+        Shapes that were fitted in the model, the nearest first, and by how much their criterion is above the curve's.
+    alike : tuple of Entry
+        Other entries that the record cannot tell it from, those nearest to the model first.
     model : FittedCandidate
         With the shape, or with the curve as a table.
     confirmation : Confirmation or None
@@ -54,24 +53,40 @@ class Correction:
         Normalised RMS errors on those, without and with it.
     """
 
-    entry: Entry
-    fitted: FittedCurve
+    fitted: FittedEntry
     gain: float
     shape: str
     model: FittedCandidate
+    shapes: tuple[tuple[str, float], ...] = ()
+    alike: tuple[Entry, ...] = ()
     confirmation: Confirmation | None = None
     errors: tuple[dict[str, float], dict[str, float]] = ({}, {})
 
     @property
+    def entry(self) -> Entry:
+        """Of the map."""
+        return self.fitted.entry
+
+    @property
     def confirmed(self) -> bool:
-        """Whether unseen data are surely likelier with it."""
-        return self.confirmation is not None and self.confirmation.outcome is Outcome.CONFIRMED
+        """Whether unseen data are surely likelier with it, and simulated no worse on the whole.
+
+        A simulation may be worse and likelier at once, where noise is taken to wander and the correction does too.
+        """
+        sure = self.confirmation is not None and self.confirmation.outcome is Outcome.CONFIRMED
+        before, after = (float(np.mean(np.square(list(e.values())))) if e else 0.0 for e in self.errors)
+        return sure and after <= before
 
     @property
     def band(self) -> tuple[Array, Array, Array]:
         """Curve at its knots, and the ends of its 95 % band, in the unit of the law."""
-        spread = _SURE * np.sqrt(np.clip(np.diag(self.fitted.curve.covariance), 0.0, None))
-        values = self.fitted.curve.values
+        return self.band_at(self.entry.basis.knots)
+
+    def band_at(self, x: Array) -> tuple[Array, Array, Array]:
+        """Curve, and the ends of its 95 % band, at values (v,) of the signal, in the unit of the law."""
+        columns, curve = self.entry.basis(x), self.fitted.curve
+        variance = np.einsum("vk,kl,vl->v", columns, curve.covariance, columns)
+        values, spread = columns @ curve.values, _SURE * np.sqrt(np.clip(variance, 0.0, None))
         return values, values - spread, values + spread
 
 
@@ -109,125 +124,101 @@ def discover(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text
     base = diagnosis.selection.best
     search = search_of(diagnosis, progress)
     progress("asking every law what it lacks")
-    found = LawMap(search, base)
+    found = LawMap(search, base, _families(base.candidate.cls))
     entries = found.entries()
-    telling = [e for e in entries if e.curve.gain > found.chance]
-    price = 2.0 * float(np.log(max(len(entries), 1)))
-    chosen = found.worth_a_fit(telling)
+    chosen = found.worth_a_fit([e for e in entries if e.curve.gain > found.chance])
     progress(f"fitting {len(chosen)} corrections of laws")
-
-    def fitted(entry: Entry) -> FittedCurve | None:
-        try:
-            effect = effect_of(found, base, entry)
-            starts = [base.fit.values, found.courses[entry.driven].values, found.beside(entry)]
-            return CurveFit(search, base, effect, entry.basis).fit(starts, entry.curve, found.floor)
-        except FAILURES:
-            return None
-
-    curves = [(e, c) for e, c in zip(chosen, side_by_side(fitted, chosen), strict=True) if c is not None]
-    better = [(e, c) for e, c in curves if base.fit.bic - c.criterion - price > 0.0]
-    better.sort(key=lambda pair: pair[1].criterion)
-    better = _plainest_first(found, better, base.fit.bic)[:_TOLD]
-    corrections = []
-    for k, (entry, curve) in enumerate(better):
-        named = _named(search, found, base, entry, curve) if k == 0 else None
-        shape, model = named or ("", _tabulated(search, found, base, entry, curve))
-        criterion = model.fit.bic if shape else curve.criterion
-        one = Correction(entry, curve, base.fit.bic - criterion - price, shape, model)
-        corrections.append(_judged(one, base, diagnosis.validation) if k == 0 else one)
+    fitting, below = Fitting(search, base, found), base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
+    fitted = _fitted(fitting, chosen, below)
+    as_good = _as_good(found, fitted, below)
+    good = [one.entry for one in as_good]
+    worse = [entry for entry in chosen if all(_what(entry) != _what(other) for other in good)]
+    corrections: list[Correction] = []
+    for one in [*as_good, *fitted[len(as_good) :]]:
+        best = one if corrections else fitting.bent(one)
+        shapes = [] if corrections else fitting.shapes(best)
+        shape, model = _nearest(shapes, best) or ("", fitting.tabulated(best))
+        if model is None:
+            continue
+        gain = below - (model.fit.bic if shape else best.criterion)
+        above = tuple((name, shaped.fit.bic - best.criterion) for name, shaped in shapes)
+        of = () if corrections else _not_told_apart(found, one.entry, good, worse, entries)
+        correction = Correction(best, gain, shape, model, above, of)
+        corrections.append(correction if corrections else _judged(correction, base, diagnosis.validation))
     return LawMapResult(base, entries, found.chance, corrections)
 
 
-def _plainest_first(found: LawMap, curves: Sequence[tuple[Entry, FittedCurve]], below: float) -> list[Any]:
-    """Among corrections about as good as the best, what is nearest to the model comes first.
+def _families(cls: type[Component]) -> set[str]:
+    known = (*catalogue(cls).values(), *families(cls).values())
+    return {effect.term.family for effect in known if effect.term.family}
 
-    Parameters
-    ----------
-    found : LawMap
-    curves : sequence of tuple of Entry and FittedCurve
-        The best first.
-    below : float
-        Criterion of the model without a correction.
-    """
-    if not curves:
+
+def _fitted(fitting: Fitting, chosen: Sequence[Entry], below: float) -> list[FittedEntry]:
+    """Entries that make a record likelier than it is below, the best first; only those that come near are settled."""
+    first = sorted(filter(None, side_by_side(fitting.first, chosen)), key=lambda one: one.criterion)
+    near = [one for one in first if below - one.criterion > _NEAR * (below - first[0].criterion)][:_TOLD]
+    settled = sorted(side_by_side(fitting.settled, near), key=lambda one: one.criterion)
+    return [one for one in settled if one.criterion < below]
+
+
+def _as_good(found: LawMap, fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
+    """Those about as good as the best of several, what is nearest to the model first."""
+    if not fitted:
         return []
-    best = curves[0][1].criterion
-    limit = best + max(_AS_GOOD, _ABOUT * (below - best))
-    as_good = [pair for pair in curves if pair[1].criterion <= limit]
-    return [*sorted(as_good, key=lambda pair: found.far_fetched(pair[0])), *curves[len(as_good) :]]
+    limit = fitted[0].criterion + _within(below - fitted[0].criterion)
+    return sorted((one for one in fitted if one.criterion <= limit), key=lambda one: found.far_fetched(one.entry))
+
+
+def _within(gain: float) -> float:
+    """By how much a gain may be less than the best, and as good."""
+    return max(_AS_GOOD, _ABOUT * gain)
+
+
+def _not_told_apart(
+    found: LawMap, entry: Entry, as_good: Sequence[Entry], others: Sequence[Entry], entries: Sequence[Entry]
+) -> tuple[Entry, ...]:
+    """Entries fitted about as well, and those that do the same to the outputs to first order, one for each signal.
+
+    What couples things that the model keeps apart is not among them, unless the entry does too, nor what does rather
+    the same as another that was fitted and is worse.
+    """
+    least, far = entry.curve.gain - _within(entry.curve.gain), found.far_fetched(entry)[0]
+    same = [
+        e
+        for e in entries
+        if alike(e, entry) and e.curve.gain >= least and found.far_fetched(e)[0] <= far
+        and not any(_nearer(e, other, entry) for other in others)
+    ]  # fmt: skip
+    several = {_what(e)[:3]: e for e in (*same[::-1], *as_good[::-1])}
+    several.pop(_what(entry)[:3], None)
+    return tuple(list(several.values())[::-1])
+
+
+def _what(entry: Entry) -> tuple[str, ...]:
+    """Law, signal, memory and kind, whatever the lag."""
+    return entry.law, entry.signal.name, entry.signal.memory, entry.kind
+
+
+def _nearer(entry: Entry, one: Entry, other: Entry) -> bool:
+    """Whether an entry does rather what one does than what another does."""
+    return abs(float(entry.direction @ one.direction)) > abs(float(entry.direction @ other.direction))
 
 
 def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> Search:
     """Fits of models over the estimation data of a diagnosis, that search what its base was searched for."""
-    base = diagnosis.selection.base
-    names = list(dict.fromkeys(map(base_name, base.problem.names)))
+    problem, base = diagnosis.selection.base.problem, diagnosis.selection.base
+    names = list(dict.fromkeys(map(base_name, problem.names)))
     known = {p.name for p in base.candidate.cls.layout.parameters}
-    fixed = {n: v for n, v in base.problem.start.items() if n in known and n not in names}
-    start = {n: v for n, v in base.problem.start.items() if n in names}
-    return Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, progress)
+    fixed = {n: v for n, v in problem.start.items() if n in known and n not in names}
+    start = {n: v for n, v in problem.start.items() if n in names}
+    several = (base_name(n) for n in problem.names if base_name(n) != n and not problem.declared[n].starts)
+    search = Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, progress)
+    return replace(search, each=list(dict.fromkeys(several)))
 
 
-def _of(found: LawMap, base: FittedCandidate, entry: Entry) -> Of:
-    """The signal of an entry, as a correction takes it."""
-    signal, cls = entry.signal, base.candidate.cls
-    scale = float(np.abs(entry.basis.knots).max()) or 1.0
-    return Of(signal.name, signal.memory, signal.constant, unit_of(cls, signal.name), scale, found.begins(entry))
-
-
-def unit_of(cls: type[Component], name: str) -> str:
-    """SI unit of an input, a state, a law, or the time."""
-    layout = cls.layout
-    declared = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.discretes)} | {"time": "s"}
-    return declared.get(name) or {law.name: law.unit for law in laws_of(cls)}.get(name) or "1"
-
-
-def effect_of(found: LawMap, base: FittedCandidate, entry: Entry, shape: Any = None, **more: Any) -> type[Effect]:
-    """Make the effect of an entry: a table over its knots unless it has a shape."""
-    cls = base.candidate.cls
-    size = float(np.abs(entry.curve.values).max()) or 1.0
-    knots = [float(x) for x in entry.basis.knots]
-    return correction(
-        cls, entry.law, _of(found, base, entry), shape or knots, unit_of(cls, entry.law), size, entry.kind, **more
-    )
-
-
-def _fitted(search: Search, base: FittedCandidate, effect: type[Effect], start: dict[str, float]) -> FittedCandidate:
-    candidate = base.candidate.with_effect(effect)
-    fitted = search.fit_from(candidate, base, {**search.fixed, **base.fit.values, **start})
-    fitted.problem.forget()
-    return fitted
-
-
-def _tabulated(
-    search: Search, found: LawMap, base: FittedCandidate, entry: Entry, curve: FittedCurve
-) -> FittedCandidate:
-    """The curve as a table of which there may be more or less, so that it can be judged like any effect."""
-    effect = effect_of(found, base, entry, values=[float(y) for y in curve.curve.values], fixed=True)
-    return _fitted(search, base, effect, _own(curve, effect) | {effect.neutral: 1.0})
-
-
-def _own(curve: FittedCurve, effect: type[Effect]) -> dict[str, float]:
-    known = {p.name for p in effect.layout.parameters}
-    return {n: v for n, v in curve.values.items() if "_at_" not in n or n in known}
-
-
-def _named(
-    search: Search, found: LawMap, base: FittedCandidate, entry: Entry, curve: FittedCurve
-) -> tuple[str, FittedCandidate] | None:
-    """The shape that is at least as good as the curve, if there is one, fitted in the model."""
-
-    def fitted(like: Likeness) -> FittedCandidate | None:
-        effect = effect_of(found, base, entry, like.shape)
-        width = {f"{effect.neutral}_width": like.width} if like.width else {}
-        try:
-            return _fitted(search, base, effect, _own(curve, effect) | {effect.neutral: like.amount} | width)
-        except FAILURES:
-            return None
-
-    near = likenesses(entry.basis, curve.curve, _of(found, base, entry).scale)[:_NAMED]
-    tried = [(like.shape, f) for like, f in zip(near, side_by_side(fitted, near), strict=True) if f is not None]
-    shape, best = min(tried, key=lambda pair: pair[1].fit.bic, default=("", None))
-    return None if best is None or best.fit.bic > curve.criterion + _AS_GOOD else (shape, best)
+def _nearest(shapes: Sequence[tuple[str, FittedCandidate]], one: FittedEntry) -> tuple[str, FittedCandidate] | None:
+    """The best shape, if it is as good as the curve."""
+    return shapes[0] if shapes and shapes[0][1].fit.bic <= one.criterion + _AS_GOOD else None
 
 
 def _judged(one: Correction, base: FittedCandidate, validation: ValidationData) -> Correction:

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from fmus.kit.functions import slopes
+
 Array = NDArray[np.float64]
-KNOTS = 16
+KNOTS, FEW = 16, 6  # of a curve of what is, and of what is remembered
 _NEAR = 0.005  # of the range, within which a curve may step at zero
 _SIZES = np.geomspace(1e-2, 1e8, 11)  # of the bending part, as precision of the data over that of the prior
 _OWN = 1e-3  # share that the model's parameters leave of a constant, slope or step, below which it is theirs
@@ -24,7 +26,9 @@ _FEWEST = 4  # knots, above which there may be a step
 
 @dataclass(frozen=True)
 class Basis:
-    """Hat functions over knots: a curve that is straight in between, and flat beyond the ends.
+    """A curve through values at knots: cubic in between, and straight on beyond the ends.
+
+    It is that of :func:`~fmus.kit.functions.smooth_table`, whose corners would cost a simulation many steps.
 
     Attributes
     ----------
@@ -35,7 +39,7 @@ class Basis:
     knots: Array
 
     @classmethod
-    def over(cls, values: Array, count: int = KNOTS) -> Basis:
+    def over(cls, values: Array, count: int = KNOTS, stepped: bool = True) -> Basis:
         """Place knots between the extremes, denser where a signal has been more often; few where it takes few values.
 
         Parameters
@@ -43,7 +47,9 @@ class Basis:
         values : ndarray, shape (n,)
             Of the signal.
         count : int
-            Of knots; those near zero, where a signal goes through it, come to these.
+            Of knots.
+        stepped : bool
+            Whether knots near zero come to these where the signal goes through it, so that there may be a step.
 
         Returns
         -------
@@ -55,13 +61,13 @@ class Basis:
         shares = np.linspace(0.0, 1.0, count)
         low, high = several[0], several[-1]
         knots = 0.5 * (low + shares * (high - low) + np.quantile(values, shares))
-        if low < 0.0 < high:
-            near = _NEAR * (high - low)
+        near = _NEAR * (high - low)
+        if stepped and low < -near and high > near:
             knots = np.concatenate([knots[np.abs(knots) > 2.0 * near], [-near, 0.0, near]])
         return cls(np.unique(np.clip(knots, low, high)))
 
     def __call__(self, values: Array) -> Array:
-        """Evaluate the hat functions.
+        """Evaluate the curves through 1 at a knot and 0 at the others.
 
         Parameters
         ----------
@@ -73,14 +79,23 @@ class Basis:
         ndarray, shape (n, k)
             Whose product with values at the knots is the curve.
         """
-        last = len(self.knots) - 1
-        place = np.interp(values, self.knots, np.arange(last + 1.0))
-        left = np.minimum(place.astype(int), last)
-        rows, share = np.arange(len(values)), place - left
-        hats = np.zeros((len(values), last + 1))
-        hats[rows, left] = 1.0 - share
-        hats[rows, np.minimum(left + 1, last)] += share
-        return hats
+        knots, unit = self.knots, np.eye(len(self.knots))
+        if len(knots) < 2:
+            return np.ones((len(values), 1))
+        rise, fall = self._slopes
+        k = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
+        width, inside = (knots[k + 1] - knots[k])[:, None], np.clip(values, knots[0], knots[-1])
+        s = (inside - knots[k])[:, None] / width
+        more = (values - inside)[:, None] * np.where(values[:, None] < knots[0], rise[0], fall[-1])
+        bend = s * s * (3.0 - 2.0 * s)
+        ends = (1.0 - bend) * unit[k] + bend * unit[k + 1]
+        return np.asarray(ends + width * s * (1.0 - s) * ((1.0 - s) * rise[k] - s * fall[k]) + more)
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
+        """Slopes (k - 1, k) at the beginning and at the end of each interval, by values at the knots."""
+        ends = slopes([float(x) for x in self.knots], list(np.eye(len(self.knots))))
+        return np.array([rise for rise, _ in ends]), np.array([fall for _, fall in ends])
 
     @cached_property
     def plain(self) -> list[Array]:
@@ -134,7 +149,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Columns:
-    """What the hat functions of a curve do to the whitened outputs, as products of these columns.
+    """What the knots of a curve do to the whitened outputs, as products of these columns.
 
     Attributes
     ----------

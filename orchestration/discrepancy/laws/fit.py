@@ -19,7 +19,8 @@ from orchestration.identify.noise.model import Noise, Whitening
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
-_ROUNDS = 3  # of fitting, and of choosing noise and roughness anew
+_ROUNDS = 2  # of choosing noise and roughness anew, and fitting on
+_ROUGHLY, _SETTLED = 1e-3, 1e-6  # fall of the cost, relative, that ends a fit
 _TRIALS = 20
 
 
@@ -79,10 +80,18 @@ class CurveFit:
         self._precision = np.append(base.fit.prior_precision, np.zeros(len(constants)))
         self._size = np.array([s.size for s in self.problem.scales[self._own :]])
 
-    def fit(self, starts: Sequence[Mapping[str, float]], curve: Curve, floor: Mapping[str, Noise]) -> FittedCurve:
-        """Fit from a curve, beside values of the model's own parameters; from the nearest of several.
+    def first(self, starts: Sequence[Mapping[str, float]], curve: Curve, floor: Mapping[str, Noise]) -> FittedCurve:
+        """Fit once from a curve, beside values of the model's own parameters; from the nearest of several.
 
-        At first in white noise of the size that is left at best: what a start leaves has the colour of its own faults.
+        In white noise of the size that is left at best: what a start leaves has the colour of its own faults.
+
+        Parameters
+        ----------
+        starts : sequence of Mapping of str to float
+            Values of the model's own parameters, SI.
+        curve : Curve
+            As the map has it.
+        floor : Mapping of str to Noise
         """
         problem, base = self.problem, self._base
         tried = []
@@ -93,32 +102,44 @@ class CurveFit:
                 error, _ = problem.evaluate(problem.inside(q))
             except UserError:
                 continue
-            tried.append((sum(float(np.log(e @ e)) for e in error.values()), problem.inside(q)))
+            with np.errstate(over="ignore"):  # a simulation that runs away is far off
+                size = sum(float(np.log(e @ e)) for e in error.values())
+            tried.append((size, problem.inside(q)))
         if not tried:
             q = problem.position(problem.start | base.fit.values)
             q[self._own :] = 0.0
             tried = [(0.0, q)]
         q = min(tried, key=lambda t: t[0])[1]
-        for turn in range(_ROUNDS):
-            error, jacobian = problem.evaluate(q)
-            noise = problem.noise(error) if turn else floor
-            whitening = Whitening.of(noise, error, problem.present)
-            found = self._weighed(whitening(error), whitening(jacobian), q) if turn else curve
-            root = _root(found.prior)
-            q, rough = self._minimised(q, whitening, root)
+        error, _ = problem.evaluate(q)
+        found = self._fitted(q, Whitening.of(floor, error, problem.present), curve, _ROUGHLY)
+        problem.forget()
+        return found
+
+    def settled(self, fitted: FittedCurve) -> FittedCurve:
+        """Fit on from there, in the noise and with the roughness that the fit itself asks for."""
+        for _ in range(_ROUNDS):
+            whitening = Whitening.of(fitted.noise, fitted.residual, self.problem.present)
+            curve = self._weighed(whitening(fitted.residual), whitening(self.problem.evaluate(fitted.q)[1]), fitted.q)
+            fitted = self._fitted(fitted.q, whitening, curve, _SETTLED)
+        self.problem.forget()
+        return fitted
+
+    def _fitted(self, q: Array, whitening: Whitening, curve: Curve, tolerance: float) -> FittedCurve:
+        """Fit from a point, with the roughness that a curve expects."""
+        problem = self.problem
+        q, rough = self._minimised(q, whitening, _root(curve.prior), tolerance)
         error, jacobian = problem.evaluate(q)
         noise = dict(problem.noise(error))
-        whitening = Whitening.of(noise, error, problem.present)
-        again = self._weighed(whitening(error), whitening(jacobian), q)
-        found = replace(found, values=q[self._own :] * self._size, covariance=again.covariance, gain=again.gain)
-        problem.forget()
+        now = Whitening.of(noise, error, problem.present)
+        again = self._weighed(now(error), now(jacobian), q)
+        found = replace(curve, values=q[self._own :] * self._size, covariance=again.covariance, gain=again.gain)
         deviance = sum(n.deviance(n.whiten(error[o], problem.present[o]), problem.present[o]) for o, n in noise.items())
         weight = self._precision
-        moved = q[: self._own] - problem.position(problem.start | base.problem.start)[: self._own]
+        moved = q[: self._own] - problem.position(problem.start | self._base.problem.start)[: self._own]
         deviance += float(np.sum(np.where(weight > 0.0, weight * moved**2, 0.0)))
         order = sum(n.parameters for n in noise.values()) + self._own
         criterion = deviance + rough + found.complexity + order * np.log(problem.samples)
-        return FittedCurve(self.candidate, problem, q, self.basis, found, noise, error, float(criterion))
+        return FittedCurve(self.candidate, problem, q, self.basis, found, noise, dict(error), float(criterion))
 
     def _free(self, slopes: Array) -> Array:
         """What the model's own parameters can do, as an orthonormal basis."""
@@ -138,7 +159,7 @@ class CurveFit:
         products = Columns(self.basis, columns.T @ columns, alone.T @ alone, len(error))
         return products.best(columns.T @ wanted)
 
-    def _minimised(self, q: Array, whitening: Whitening, root: Array) -> tuple[Array, float]:
+    def _minimised(self, q: Array, whitening: Whitening, root: Array, tolerance: float) -> tuple[Array, float]:
         """Least squares with the prior, the curve being the root times as many coordinates of unit size."""
         problem, own, base = self.problem, self._own, self._base
         weight = np.sqrt(self._precision)
@@ -159,7 +180,8 @@ class CurveFit:
 
         begin = np.concatenate([q[:own], np.linalg.lstsq(root, q[own:] * self._size, rcond=None)[0]])
         far = np.full(root.shape[1], np.inf)
-        end = minimise(residual, jacobian, begin, np.append(low[:own], -far), np.append(high[:own], far), 1e-6, _TRIALS)
+        bounds = np.append(low[:own], -far), np.append(high[:own], far)
+        end = minimise(residual, jacobian, begin, *bounds, tolerance, _TRIALS)
         return whole(end.q), float(end.q[own:] @ end.q[own:])
 
 

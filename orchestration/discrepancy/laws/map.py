@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.corrections import MEMORIES
+from fmus.kit.corrections import MEMORIES, family
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.laws.course import FreeCourse, follow
-from orchestration.discrepancy.laws.evidence import Basis, Columns, Curve
+from orchestration.discrepancy.laws.evidence import FEW, Basis, Columns, Curve
+from orchestration.discrepancy.laws.linearised import LinearisedRecord
 from orchestration.discrepancy.laws.response import Course, LinearResponse, Sides, responses_of_runs
 from orchestration.discrepancy.laws.signals import Signal, is_new, of, plain, remembered
 from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.noise.model import Noise, Whitening, estimate
+from orchestration.identify.noise.model import Noise, estimate
 from orchestration.records.joined import Run
 
 Array = NDArray[np.float64]
 _MEMORIES = {"add": MEMORIES, "multiply": ("", "lagged", "throughput")}  # of signals, by kind of correction
+_MEMORY = ("", "leading", "lagged", "integrated", "throughput", "heat")  # the plainest first
 _QUANTILES = np.linspace(0.0, 1.0, 101)
 _AT_ONCE = 48  # signals whose columns are in memory together
-_NATURAL, _REMEMBERING, _OTHERS = 10, 3, 4  # entries that are fitted: of signals that the law hangs on, and others
-_FARTHEST = 1.0  # that a parameter may move beside a correction, in its logarithm
+_NATURAL, _REMEMBERING, _OTHERS = 8, 8, 6  # entries that are fitted: of signals that the law hangs on, and others
+_STILL = 1e-9  # of its size, within which a law is a constant
 _SURE = 0.95  # share of records without anything hidden in which no entry gains more
 _NEARLY = 0.95  # of the gain of the best of its like, which a correction that is nearer to the model must have
-_DRAWS, _SEED = 39, 14  # of noise, by which is told what the best of so many entries gains by chance
 _ALIKE = 0.99  # correlation of what two corrections do, above which a record cannot tell them apart
 
 
@@ -64,6 +65,11 @@ class Entry:
     visited: Array
 
     @property
+    def family(self) -> str:
+        """The same as that of an effect of this law and signal."""
+        return family(self.law, self.signal.name, self.signal.memory)
+
+    @property
     def label(self) -> str:
         """For people."""
         return f"{self.law}{' x' if self.kind == 'multiply' else ''} over {self.signal.label}"
@@ -74,53 +80,13 @@ def alike(one: Entry, other: Entry) -> bool:
     return abs(float(one.direction @ other.direction)) >= _ALIKE
 
 
-class LinearisedRecord:
-    """What is to be explained, whitened, and free of what the model's own parameters can do."""
+def _is_constant(values: Array) -> bool:
+    return float(np.ptp(values)) <= _STILL * float(np.abs(values).max())
 
-    def __init__(
-        self, course: FreeCourse, prior: Array, present: Mapping[str, NDArray[np.bool_]], noise: Mapping[str, Noise]
-    ):
-        residual, slopes = course.residual, course.slopes
-        # an outlier is what no course explains, and not what a model lacks
-        self._whitened = Whitening.of(noise, course.left, present)
-        columns = self._whitened(slopes)
-        sizes = np.linalg.norm(columns, axis=0)
-        kept = sizes > 0.0
-        # rows for the prior, so that a parameter that it holds takes nothing away
-        whole = np.vstack([columns, np.diag(np.sqrt(prior))])[:, kept] / sizes[kept]
-        left, strength, right = np.linalg.svd(whole, full_matrices=False)
-        seen = strength > 1e-7 * strength.max()
-        self._own = left[:, seen][: len(columns)]
-        self._back = np.zeros((len(sizes), len(columns)))
-        self._back[kept] = (right[seen].T / strength[seen]) @ self._own.T / sizes[kept, None]
-        self._whole, self._slopes = self._whitened(residual), columns
-        # how far a parameter of the model may go: what a course makes of its trace is not what is there without
-        self._farthest = np.where(prior > 0.0, _FARTHEST, np.inf)
-        self.residual = self.free(self._whole)
-        self.samples = len(self.residual)
-        self.noise = np.random.default_rng(_SEED).normal(size=(self.samples, _DRAWS))
 
-    def beside(self, effect: Array) -> Array:
-        """Step (p,) of the model's own parameters that goes with what a correction does to the whitened outputs."""
-        step = -self._back @ (self._whole - effect)
-        return np.asarray(np.clip(step, -self._farthest, self._farthest))
-
-    def fall(self, effect: Array, step: Array) -> float:
-        """Fall of the sum of squares with a correction and a step beside it."""
-        left = self._whole - effect + self._slopes @ step
-        return float(self.residual @ self.residual - left @ left)
-
-    def own(self, columns: Array) -> Array:
-        """What parameters can do of columns, in coordinates of its own."""
-        return np.asarray(self._own.T @ columns)
-
-    def free(self, columns: Array) -> Array:
-        """Take away what parameters can do."""
-        return np.asarray(columns - self._own @ self.own(columns))
-
-    def __call__(self, responses: Mapping[str, Array]) -> Array:
-        """Whiten responses of outputs where they were measured."""
-        return np.asarray(self._whitened(responses))
+def _basis(signal: Signal, values: Array) -> Basis:
+    """Few knots for what is remembered: there are many of these, and they are mostly in proportion."""
+    return Basis.over(values, FEW, stepped=False) if signal.memory else Basis.over(values)
 
 
 def _other_names(parts: Sequence[tuple[Run, Course, LinearResponse]]) -> dict[str, list[str]]:
@@ -132,10 +98,19 @@ def _other_names(parts: Sequence[tuple[Run, Course, LinearResponse]]) -> dict[st
 
 
 class LawMap:
-    """Scores of all laws over all signals at a fitted model."""
+    """Scores of all laws over all signals at a fitted model.
 
-    def __init__(self, search: Search, fitted: FittedCandidate):
+    Parameters
+    ----------
+    search : Search
+    fitted : FittedCandidate
+    families : collection of str
+        Of effects that are known for the model, which of several equals are the likelier ones.
+    """
+
+    def __init__(self, search: Search, fitted: FittedCandidate, families: Collection[str] = ()):
         self._search, self._fitted, problem = search, fitted, fitted.problem
+        self._families = set(families)
         values = problem.start | problem.values(fitted.fit.q)
         ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
         self.laws = PerturbedLaws(fitted.candidate.cls)
@@ -147,6 +122,11 @@ class LawMap:
         )  # fmt: skip
         self.candidates = self._different_laws(parts)
         self._other_names = _other_names(parts)
+        self._constants = {
+            law for law in self.laws.names if all(_is_constant(r.values[law].begin) for _, _, r in parts)
+        }
+        rates = {state.rate for state in self.laws.graph.layout.states}
+        self._rates = rates | {s for s, names in self._other_names.items() if rates & {*names}}
         laws = list(self.candidates)
         self.courses = dict(
             zip(laws, side_by_side(lambda law: follow(search, fitted, self.laws, law), laws), strict=True)
@@ -178,11 +158,13 @@ class LawMap:
 
     def signals_of(self, course: FreeCourse) -> dict[Signal, list[Sides]]:
         """What tells different things in the longest run, by runs."""
-        outputs = {o.name for o in self.laws.graph.layout.outputs}
         _, longest, response = max(course.parts, key=lambda part: len(part[1].time))
-        first = plain(longest, response.values, outputs)
+        outputs = {o.name for o in self.laws.graph.layout.outputs}
+        # what is computed from one signal alone tells what that one tells
+        passed_over = outputs | {law for law in response.values if len(self.laws.computed_from(law)) == 1}
+        first = plain(longest, response.values, passed_over)
         told: list[Array] = []
-        every = {**first, **dict(remembered(longest, first))}
+        every = {**first, **dict(remembered(longest, first, self._rates))}
         kept = [signal for signal, sides in every.items() if is_new(sides, told)]
         return {signal: [of(signal, c, r.values) for _, c, r in course.parts] for signal in kept}
 
@@ -215,16 +197,30 @@ class LawMap:
                     yield from self._of_signals(course, name, some, kind, record)
 
     def is_natural(self, entry: Entry) -> bool:
-        """Whether the law hangs on the signal already: its shape is the likeliest to be wrong."""
-        return entry.kind == "add" and self._reads(entry.law, entry.signal.name)
+        """Whether the law hangs on the signal already, or is known to: its shape is the likeliest to be wrong.
 
-    def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool]:
+        What is a constant in the model hangs on nothing, and may hang on all that it acts beside.
+        """
+        if entry.kind == "add" and entry.family in self._families:
+            return True
+        if entry.law in self._constants:
+            return self._is_near(entry)
+        # a law of one signal that is multiplied is one that is added to
+        several = entry.kind == "add" or len(self.laws.computed_from(entry.law)) > 1
+        return several and self._reads(entry.law, entry.signal.name)
+
+    def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, bool, int]:
         """How far a correction is from what the model says, for an order: what is near it is the likelier one.
 
         A signal is near where it stands in what the law acts on; to couple what the model keeps apart is a claim.
         """
-        near = self.laws.computed_from(entry.signal.name) <= self.laws.acts_beside(entry.law)
-        return not near, bool(entry.signal.memory), not self.is_natural(entry), entry.kind != "add"
+        remembers = _MEMORY.index(entry.signal.memory)
+        natural = self.is_natural(entry)
+        known = entry.family in self._families
+        return not self._is_near(entry), remembers > 0, not known, not natural, entry.kind != "add", remembers
+
+    def _is_near(self, entry: Entry) -> bool:
+        return self.laws.computed_from(entry.signal.name) <= self.laws.acts_beside(entry.law)
 
     def _reads(self, law: str, signal: str) -> bool:
         """Whether a signal, under any of its names, stands in a law itself."""
@@ -232,21 +228,27 @@ class LawMap:
         return law in names or any(self.laws.reads_itself(law, name) for name in names)
 
     def worth_a_fit(self, entries: Sequence[Entry]) -> list[Entry]:
-        """Entries that are fitted: natural ones that tell anything, and the best of the others that do other things."""
-        natural: dict[tuple[str, str, bool], Entry] = {}
-        for e in entries:
+        """Entries that are fitted: natural ones that tell anything, and the best of the others that do other things.
+
+        Parameters
+        ----------
+        entries : sequence of Entry
+            The most telling first. Of what is remembered in one way with several constants the first is taken.
+        """
+        natural: dict[tuple[str, str, str, str], Entry] = {}
+        for e in sorted(entries, key=lambda e: e.family not in self._families):
             if self.is_natural(e):
-                natural.setdefault((e.law, e.signal.name, bool(e.signal.memory)), e)
+                natural.setdefault((e.law, e.signal.name, e.signal.memory, e.kind), e)
         plain = [e for e in natural.values() if not e.signal.memory][:_NATURAL]
         memory = [e for e in natural.values() if e.signal.memory][:_REMEMBERING]
-        chosen = [*plain, *memory]
-        for leader in entries:
-            if len(chosen) >= len(plain) + len(memory) + _OTHERS:
-                break
-            if not any(alike(leader, c) for c in chosen):
-                like = [e for e in entries if alike(leader, e) and e.curve.gain > _NEARLY * leader.curve.gain]
-                chosen.append(min(like, key=self.far_fetched))
-        return chosen
+        chosen, others = [*plain, *memory], []
+        for course in dict.fromkeys(e.driven for e in entries):  # gains along different courses do not compare
+            mine = [e for e in entries if e.driven == course]
+            leader = next((e for e in mine if not any(alike(e, c) for c in chosen)), None)
+            if leader is not None:
+                like = [e for e in mine if alike(leader, e) and e.curve.gain > _NEARLY * leader.curve.gain]
+                others.append(min(like, key=self.far_fetched))
+        return [*chosen, *others[:_OTHERS]]
 
     def begins(self, entry: Entry) -> float:
         """What a lag remembers at first: the signal, as it is then."""
@@ -266,10 +268,13 @@ class LawMap:
         return signal.name != law and signal.memory in ("", "leading") and self.laws.calls(signal.name, law)
 
     def _name(self, law: str, signal: Signal) -> str:
-        """Of laws that do the same, the one in which the signal stands itself."""
+        """Of laws that do the same, the one that is known to hang on the signal, or in which it stands itself."""
         if signal.name in self.candidates[law]:
             return signal.name
-        return next((n for n in self.candidates[law] if self._reads(n, signal.name)), law)
+        same = self.candidates[law]
+        known = (n for n in same if family(n, signal.name, signal.memory) in self._families)
+        reading = (n for n in same if self._reads(n, signal.name))
+        return next(known, next(reading, law))
 
     def _of_signals(
         self,
@@ -281,11 +286,9 @@ class LawMap:
     ) -> Iterator[Entry]:
         parts = course.parts
         value = [response.values[law] for _, _, response in parts]
-        if kind == "multiply" and max(np.ptp(v.begin) for v in value) <= 1e-9 * max(
-            np.abs(v.begin).max() for v in value
-        ):
+        if kind == "multiply" and law in self._constants:
             return
-        bases = {s: Basis.over(np.concatenate([one.begin for one in several])) for s, several in signals.items()}
+        bases = {s: _basis(s, np.concatenate([one.begin for one in several])) for s, several in signals.items()}
         whole = {o: np.zeros((self._n, sum(len(b.knots) for b in bases.values()))) for o in self._outputs}
         for r, (run, _, response) in enumerate(parts):
             begin = np.hstack([b(signals[s][r].begin) for s, b in bases.items()])
@@ -307,12 +310,9 @@ class LawMap:
             found = products.best(block.T @ record.residual)
             if found.gain <= 0.0:
                 continue
-            shown = raw @ found.values
-            step = record.beside(shown)
-            gain = min(found.gain, record.fall(shown, step) - found.complexity)
-            if gain > 0.0:
+            found, step = record.within_reach(found, raw)
+            if found.gain > 0.0:
                 effect = block @ found.values
                 direction = effect / max(float(np.linalg.norm(effect)), 1e-300)
                 visited = np.quantile(np.concatenate([one.begin for one in signals[signal]]), _QUANTILES)
-                found = replace(found, gain=gain)
                 yield Entry(course.law, law, signal, kind, basis, found, direction, step, visited)

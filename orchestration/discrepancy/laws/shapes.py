@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,9 @@ from orchestration.discrepancy.laws.evidence import Basis, Curve
 
 Array = NDArray[np.float64]
 _WIDTHS = np.geomspace(0.01, 3.0, 12)  # of a bend, in sizes of the signal
+_ABRUPT = 0.05  # of the size of the signal, up to which a bend is a step
+# one formula, which is called after its width
+_STEPS: dict[str, Callable[[float], bool]] = {"sign": lambda w: w <= _ABRUPT, "saturating": lambda w: w > _ABRUPT}
 _SEEN = 1e-10  # of the largest, below which the curve was expected to have nothing
 _KNOWN = 1e-12  # of the largest variance, below which none is but for rounding
 
@@ -36,6 +39,14 @@ class Likeness:
     distance: float
 
 
+def called(shape: str, width: float, basis: Basis) -> str:
+    """Name of a shape of some width: a saturation that is abrupt is a step."""
+    if shape not in _STEPS:
+        return shape
+    relative = width / float(np.abs(basis.knots).max())
+    return next(name for name, fits in _STEPS.items() if fits(relative))
+
+
 def likenesses(basis: Basis, curve: Curve, scale: float, names: Sequence[str] = ()) -> list[Likeness]:
     """Shapes, the nearest first: where each comes nearest to a curve, its own parts of the model left out.
 
@@ -48,6 +59,7 @@ def likenesses(basis: Basis, curve: Curve, scale: float, names: Sequence[str] = 
     names : sequence of str
         All of `SHAPES` unless given.
     """
+    size = float(np.abs(basis.knots).max())
     strength, axes = np.linalg.eigh(curve.prior)
     seen = strength > _SEEN * strength.max()
     into = (axes[:, seen] / np.sqrt(strength[seen])).T  # from values to coordinates of unit size
@@ -57,7 +69,7 @@ def likenesses(basis: Basis, curve: Curve, scale: float, names: Sequence[str] = 
     found = []
     for name in names or SHAPES:
         shape = SHAPES[name]
-        widths = _WIDTHS * np.abs(basis.knots).max() if shape.width else [0.0]
+        widths = [w * size for w in _WIDTHS if name not in _STEPS or _STEPS[name](w)] if shape.width else [0.0]
         best: Likeness | None = None
         for width in widths:
             values = np.array([float(shape.form(float(x), width or 1.0, scale)) for x in basis.knots])
@@ -65,7 +77,7 @@ def likenesses(basis: Basis, curve: Curve, scale: float, names: Sequence[str] = 
             power = float(column @ column)
             if not power > 0.0 or not np.isfinite(power):
                 continue
-            amount = max(float(column @ wanted) / power, shape.least * scale)
+            amount = float(column @ wanted) / power
             left = wanted - amount * column
             one = Likeness(name, amount, float(width), float(left @ left) + 2.0 * np.log(2.0) * bool(shape.width))
             best = one if best is None or one.distance < best.distance else best

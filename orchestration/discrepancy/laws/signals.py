@@ -88,7 +88,9 @@ def is_new(sides: Sides, told: list[Array]) -> bool:
     return True
 
 
-def remembered(course: Course, signals: Mapping[Signal, Sides]) -> Iterator[tuple[Signal, Sides]]:
+def remembered(
+    course: Course, signals: Mapping[Signal, Sides], rates: Collection[str] = ()
+) -> Iterator[tuple[Signal, Sides]]:
     """Remember signals in all ways, lags with several time constants.
 
     Parameters
@@ -97,6 +99,9 @@ def remembered(course: Course, signals: Mapping[Signal, Sides]) -> Iterator[tupl
         Of n samples.
     signals : Mapping of Signal to Sides, of shape (n,)
         SI; the time among them is passed over.
+    rates : collection of str
+        Signals among them that are rates of states: a lag of one is what its state is ahead of its own lag, and its
+        integral the state, so that none of these is anything else.
 
     Yields
     ------
@@ -111,6 +116,8 @@ def remembered(course: Course, signals: Mapping[Signal, Sides]) -> Iterator[tupl
         if signal.name == "time":
             continue
         for memory, constant in (*memories, ("integrated", 0.0), ("throughput", 0.0)):
+            if signal.name in rates and memory in ("lagged", "leading", "integrated"):
+                continue
             one = Signal(signal.name, memory, constant)
             yield one, _memory(one, sides, steps)
 

@@ -65,6 +65,8 @@ class Search:
         every one has its own unless given.
     method : Method
         How far fits go.
+    patience : float
+        How many times as many internal steps as usual a candidate with effects may take.
     """
 
     data: Dataset
@@ -79,6 +81,7 @@ class Search:
     freedom: Mapping[str, float] = field(default_factory=dict)
     colour: Mapping[str, Array] = field(default_factory=dict)
     method: Method = FULLY
+    patience: float = 1.0
 
     def nominal(self) -> FittedCandidate:
         """Fit the model without effects, from several starts."""
@@ -210,7 +213,7 @@ class Search:
         )
         made.out_of_time, made.freedom, made.colour = self.budget.spent, self.freedom, self.colour
         if candidate.effects:
-            made.effort = max(_EFFORT, _EASIER * made.effort)
+            made.effort = self.patience * max(_EFFORT, _EASIER * made.effort)
         return made
 
     def _problem(self, candidate: Candidate) -> Problem:

@@ -10,8 +10,9 @@ import pytest
 
 from orchestration.api.records import read_record
 from orchestration.discrepancy.laws.course import follow
-from orchestration.discrepancy.laws.discovery import discover, effect_of, search_of
+from orchestration.discrepancy.laws.discovery import discover, search_of
 from orchestration.discrepancy.laws.fit import CurveFit
+from orchestration.discrepancy.laws.fitting import Fitting
 from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.pipeline import Options, judge
 from orchestration.fmu.model import find_model
@@ -115,9 +116,25 @@ def test_a_fit_starts_from_the_nearest_of_its_starts(drag):
     found = LawMap(search, base)
     best = found.entries()[0]
     far = {"damping": 1e3 * base.fit.values["damping"]}
+    fit = CurveFit(search, base, Fitting(search, base, found).effect(best), best.basis)
     fits = [
-        CurveFit(search, base, effect_of(found, base, best), best.basis).fit(starts, best.curve, found.floor)
+        fit.settled(fit.first(starts, best.curve, found.floor))
         for starts in ([found.beside(best)], [far, found.beside(best)], [found.beside(best), far])
     ]
     assert fits[1].criterion == pytest.approx(fits[0].criterion, abs=0.1)
     assert fits[2].criterion == pytest.approx(fits[0].criterion, abs=0.1)
+
+
+def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(drag):
+    best = discover(drag[1]).corrections[0]
+    assert (best.entry.law, best.entry.signal.name, best.entry.signal.memory) == ("friction", "omega", "")
+    told = [(e.law, e.signal.name, e.signal.memory) for e in best.alike]
+    assert len(told) == len(set(told))
+    assert ("friction", "omega", "") not in told
+
+
+def test_shapes_are_told_in_the_order_of_their_criterion(drag):
+    best = discover(drag[1]).corrections[0]
+    above = [criterion for _, criterion in best.shapes]
+    assert above == sorted(above)
+    assert best.shape in ("", best.shapes[0][0])

@@ -1,7 +1,7 @@
 """Evidence for a curve.
 
 Oracles: likelihoods of a Gaussian vector with and without a curve in it, by SciPy; ridge equations solved as least
-squares; a Monte Carlo in plain loops; and `numpy.interp`.
+squares; a Monte Carlo in plain loops; and the table that a model has.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 from scipy.stats import multivariate_normal
 
+from fmus.kit import smooth_table
 from orchestration.discrepancy.laws.evidence import KNOTS, Basis, Columns, Curve
 
 SAMPLES = 120
@@ -244,21 +245,22 @@ def test_noise_hardly_ever_gains():
     assert np.mean(one.columns.by_chance(one.z.T @ noise) > 2.0 * np.log(100.0)) < 0.01
 
 
-# --- knots and hats ---------------------------------------------------------------------------------------------------
+# --- knots and columns ------------------------------------------------------------------------------------------------
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=60, unique=True), st.integers(0, 99))
-def test_hats_are_those_of_interp(values, seed):
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=60, unique_by=lambda x: round(x, 3)), st.integers(0, 99))
+def test_a_basis_is_that_of_the_table_in_a_model(values, seed):
     basis = Basis.over(np.array(values))
     rng = np.random.default_rng(seed)
     heights = rng.normal(size=len(basis.knots))
     low, high = basis.knots[[0, -1]]
     x = np.concatenate([values, basis.knots, rng.uniform(low - 1.0, high + 1.0, 50)])
-    hats = basis(x)
-    assert hats @ heights == pytest.approx(np.interp(x, basis.knots, heights), abs=1e-9)
-    assert hats.sum(axis=1) == pytest.approx(np.ones(len(x)))
-    assert hats.min() >= 0.0
+    columns, knots = basis(x), [float(knot) for knot in basis.knots]
+    exact = [float(smooth_table(float(one), knots, list(heights))) for one in x]
+    assert columns @ heights == pytest.approx(exact, rel=1e-6, abs=1e-6)
+    assert columns.sum(axis=1) == pytest.approx(np.ones(len(x)), abs=1e-6)
+    assert basis(basis.knots) == pytest.approx(np.eye(len(knots)), abs=1e-9)
 
 
 @settings(max_examples=100, deadline=None)

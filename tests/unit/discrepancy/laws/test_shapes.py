@@ -7,7 +7,7 @@ import pytest
 
 from fmus.kit.curves import SHAPES
 from orchestration.discrepancy.laws.evidence import Basis, Curve
-from orchestration.discrepancy.laws.shapes import likenesses
+from orchestration.discrepancy.laws.shapes import called, likenesses
 
 BASIS = Basis(np.linspace(-2.0, 2.0, 21))
 FORMS = {
@@ -17,6 +17,9 @@ FORMS = {
     "odd_quadratic": lambda x: x * abs(x),
     "cubic": lambda x: x**3,
     "saturating": lambda x: np.tanh(x / 0.6),
+    "sign": lambda x: np.sign(x) * min(abs(x) / 0.05, 1.0),
+    "sign_beyond": lambda x: np.sign(x) * float(abs(x) > 0.9),
+    "levelling": lambda x: x - 0.7 * np.tanh(x / 0.7),
     "exponential": lambda x: np.exp(x / 0.9) - 1.0,
     "stops": lambda x: x - np.clip(x, -0.8, 0.8),
     "upper_stop": lambda x: max(x - 0.8, 0.0),
@@ -40,6 +43,11 @@ def test_a_shape_is_named(name, amount):
     one = next(one for one in found if one.shape == name)
     if not SHAPES[name].width:
         assert one.amount == pytest.approx(amount, rel=0.02)
+
+
+@pytest.mark.parametrize(("width", "name"), [(0.02, "sign"), (0.5, "saturating")])
+def test_a_saturation_that_is_abrupt_is_a_step(width, name):
+    assert called("sign", width, BASIS) == called("saturating", width, BASIS) == name
 
 
 def test_all_shapes_are_told_the_nearest_first():

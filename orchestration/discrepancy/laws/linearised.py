@@ -1,0 +1,77 @@
+"""A record as it is about a free course: whitened, and free of what the model's own parameters can do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.discrepancy.laws.course import FreeCourse
+from orchestration.discrepancy.laws.evidence import Curve
+from orchestration.identify.noise.model import Noise, Whitening
+
+Array = NDArray[np.float64]
+_FARTHEST = 1.0  # that a parameter may move beside a correction, in its logarithm
+_DRAWS, _SEED = 39, 14  # of noise, by which is told what the best of so many entries gains by chance
+
+
+class LinearisedRecord:
+    """What is to be explained, whitened, and free of what the model's own parameters can do."""
+
+    def __init__(
+        self, course: FreeCourse, prior: Array, present: Mapping[str, NDArray[np.bool_]], noise: Mapping[str, Noise]
+    ):
+        residual, slopes = course.residual, course.slopes
+        # an outlier is what no course explains, and not what a model lacks
+        self._whitened = Whitening.of(noise, course.left, present)
+        columns = self._whitened(slopes)
+        sizes = np.linalg.norm(columns, axis=0)
+        kept = sizes > 0.0
+        # rows for the prior, so that a parameter that it holds takes nothing away
+        whole = np.vstack([columns, np.diag(np.sqrt(prior))])[:, kept] / sizes[kept]
+        left, strength, right = np.linalg.svd(whole, full_matrices=False)
+        seen = strength > 1e-7 * strength.max()
+        self._own = left[:, seen][: len(columns)]
+        self._back = np.zeros((len(sizes), len(columns)))
+        self._back[kept] = (right[seen].T / strength[seen]) @ self._own.T / sizes[kept, None]
+        self._whole, self._slopes = self._whitened(residual), columns
+        # how far a parameter of the model may go: what a course makes of its trace is not what is there without
+        self._farthest = np.where(prior > 0.0, _FARTHEST, np.inf)
+        self.residual = self.free(self._whole)
+        self.samples = len(self.residual)
+        self.noise = np.random.default_rng(_SEED).normal(size=(self.samples, _DRAWS))
+
+    def within_reach(self, curve: Curve, columns: Array) -> tuple[Curve, Array]:
+        """Curve, and step (p,) of the model's own parameters beside it, where the step may not be as far as it would.
+
+        Parameters
+        ----------
+        curve : Curve
+            The likeliest where it may.
+        columns : ndarray, shape (m, k)
+            What its hat functions do to the whitened outputs.
+        """
+        would = -self._back @ (self._whole - columns @ curve.values)
+        step = np.clip(would, -self._farthest, self._farthest)
+        if not np.array_equal(step, would):
+            # with the step as far as it may go the curve is another one
+            wanted = columns.T @ (self._whole + self._slopes @ step)
+            inner = np.eye(len(wanted)) + columns.T @ columns @ curve.prior
+            curve = replace(curve, values=curve.prior @ np.linalg.solve(inner, wanted))
+        left = self._whole - columns @ curve.values + self._slopes @ step
+        fall = float(self.residual @ self.residual - left @ left)
+        return replace(curve, gain=min(curve.gain, fall - curve.complexity)), step
+
+    def own(self, columns: Array) -> Array:
+        """What parameters can do of columns, in coordinates of its own."""
+        return np.asarray(self._own.T @ columns)
+
+    def free(self, columns: Array) -> Array:
+        """Take away what parameters can do."""
+        return np.asarray(columns - self._own @ self.own(columns))
+
+    def __call__(self, responses: Mapping[str, Array]) -> Array:
+        """Whiten responses of outputs where they were measured."""
+        return np.asarray(self._whitened(responses))

@@ -1,0 +1,66 @@
+"""Claims: what is remembered is found as the plant has it, however it begins; what is one thing in two forms is told as
+the one that is known.
+
+The oracle is the plant: the node that is hidden in it, its time constant and its size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orchestration.api.records import read_record
+from orchestration.discrepancy.candidates.candidate import own_parameters
+from orchestration.discrepancy.laws.discovery import discover, search_of
+from orchestration.discrepancy.laws.fitting import Fitting
+from orchestration.discrepancy.laws.map import LawMap
+from orchestration.discrepancy.pipeline import Options, judge
+from orchestration.fmu.model import find_model
+from tests.support.clean.plants import PLANTS
+from tests.support.clean.records import KINDS, conditions, draw
+from tests.support.hidden.change import remembered
+from tests.support.hidden.plants import altered
+
+pytestmark = pytest.mark.timeout(180)
+SHARE, TIME = 0.8, 150.0
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["from rest", "moving"])
+def wall(tmp_path_factory, request):
+    """Two thermal nodes with a third one behind the outer, which stores and gives back."""
+    path = tmp_path_factory.mktemp("wall") / "nodes.csv"
+    case = replace(conditions(PLANTS["ThermalNodes"], KINDS[0], 4, np.random.default_rng(4)), at_rest=not request.param)
+    hidden = remembered("outer", SHARE, [TIME], 293.0, ahead=True)
+    drawn = draw(case, plant=altered("ThermalNodes", hidden))
+    drawn.write(path)
+    subject = find_model(drawn.plant.model)
+    return judge([read_record(path, subject)], subject, None, Options(effects=[])).diagnosis
+
+
+def test_a_node_behind_is_what_a_loss_remembers(wall):
+    best = discover(wall).corrections[0]
+    assert (best.entry.law, best.entry.signal.name, best.shape) == ("loss", "outer", "linear")
+    assert best.entry.signal.memory in ("lagged", "leading")
+    assert best.confirmed
+    values = best.model.fit.values
+    amount, constant = (values[n] for n in own_parameters(best.model.effect))
+    assert abs(amount) == pytest.approx(SHARE, rel=0.15)
+    assert constant == pytest.approx(TIME, rel=0.15)
+    assert best.entry.signal.constant == pytest.approx(constant, rel=0.05)
+
+
+def test_what_is_in_proportion_is_a_straight_curve_with_the_band_of_its_amount(wall):
+    base, search = wall.selection.base, search_of(wall)
+    found = LawMap(search, base, {"loss remembering outer"})
+    entry = next(e for e in found.entries() if e.family == "loss remembering outer")
+    one = Fitting(search, base, found).first(entry)
+    assert one is not None
+    assert one.straight is not None
+    knots = one.entry.basis.knots
+    slope = one.values[one.straight.effect.neutral]
+    assert one.curve.values == pytest.approx(slope * knots)
+    estimate, k = one.straight, one.straight.problem.names.index(one.straight.effect.neutral)
+    spread = np.sqrt(estimate.fit.covariance.matrix[k, k]) * estimate.problem.scales[k].slope(estimate.fit.q[k])
+    assert np.sqrt(np.diag(one.curve.covariance)) == pytest.approx(np.abs(spread * knots))
