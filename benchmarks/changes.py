@@ -53,7 +53,9 @@ def judge(first: Case, second: Case, factor: float, effects: Sequence[str] | Non
         paths = [record.write(Path(folder) / f"{k}.csv") for k, record in enumerate((before, after))]
         began = clock.perf_counter()
         try:
-            said = ppy.diagnose(paths[0], plant.model, compare=paths[1], effects=effects, settings=dict(plant.settings))
+            said = ppy.diagnose(
+                paths[0], plant.model, compare=paths[1], effects=effects, settings=dict(plant.settings), laws=False
+            )
         except UserError as error:
             return row | {"refused": str(error).replace(folder, ""), "changed": changed, "claimed": []}
     found = said.changes or []

@@ -83,7 +83,7 @@ def diagnosed(drawn: CleanRecord, effects: Sequence[str] | None = None) -> tuple
         began, cpu = clock.perf_counter(), _processor_time()
         try:
             settings, known = settings_of(drawn), drawn.plant.known
-            result = ppy.diagnose(path, drawn.plant.model, settings=settings, hold=known, effects=effects)
+            result = ppy.diagnose(path, drawn.plant.model, settings=settings, hold=known, effects=effects, laws=False)
         except UserError as error:
             told = {"verdict": "refused", "why": [_without_figures(str(error))], "seconds": _processor_time() - cpu}
             return None, told

@@ -53,4 +53,5 @@ def diagnosing(
         words += [option, ",".join(names)] if names else []
     if options.interpolate is not None:
         words.append("--interpolate" if options.interpolate else "--no-interpolate")
-    return words + (["--time", f"{options.time:g}s"] if options.time is not None else [])
+    words += ["--time", f"{options.time:g}s"] if options.time is not None else []
+    return words + (["--no-laws"] if command == "diagnose" and not options.laws else [])

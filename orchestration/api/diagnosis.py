@@ -21,6 +21,9 @@ from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.extended_model import export
 from orchestration.discrepancy.note import UnusableRecordError
 from orchestration.discrepancy.report import picture, terminal, wording
+from orchestration.discrepancy.report.laws.asked import Asked
+from orchestration.discrepancy.report.laws.headline import headline
+from orchestration.discrepancy.report.laws.summary import law_map
 from orchestration.discrepancy.report.page import page
 from orchestration.discrepancy.report.summary import summary
 from orchestration.fmu.model import Model, find_model
@@ -83,6 +86,8 @@ class DiagnosisResult:
         What changed in a later record, where one was given.
     later : DiagnosisResult or None
         What the model gets wrong on that record.
+    law_map : list of dict
+        What the laws lack, the best first, as in `LawsResult`; empty where nothing is left, or they were not asked.
     """
 
     def __init__(
@@ -96,7 +101,7 @@ class DiagnosisResult:
         errors = result.gain or diagnosis
         steps = diagnosis.selection.steps
         self.verdict: Verdict = diagnosis.verdict
-        self.sentence: str = wording.headline(result)
+        self.sentence: str = headline(result)
         self.causes: list[str] = diagnosis.causes
         self.alternatives: list[str] = [e.effect_name for step in steps for e in step.alternatives]
         self.parameters: dict[str, Estimate] = diagnosis.estimates
@@ -107,6 +112,7 @@ class DiagnosisResult:
         self.record: Record = result.record
         self.records: list[Record] = list(result.records)
         self.notes: list[str] = [wording.message(note) for note in result.notes]
+        self.law_map: list[dict[str, Any]] = law_map(Asked(result, result.laws))
 
     @property
     def details(self) -> pipeline.Result:
@@ -232,6 +238,7 @@ def diagnose(
     mapping: Mapping[str, str] | None = None,
     interpolate: bool | None = None,
     time: float | None = None,
+    laws: bool = True,
     progress: Callable[[str], None] = lambda text: None,
 ) -> DiagnosisResult:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.
@@ -269,6 +276,9 @@ def diagnose(
         Seconds that the search may take, then the best answer so far is returned, with a note; a minute for up to
         60,000 samples and in proportion beyond, unless given. With ``inf`` nothing hangs on how fast the machine is.
         With `compare` it holds for each of three searches.
+    laws : bool
+        Whether, where something is left that neither parameters nor effects account for, every law is asked what it
+        lacks (`laws`). What unseen data confirm of it is a cause.
     progress : callable
         Told what is being done.
 
@@ -296,6 +306,7 @@ def diagnose(
     options = pipeline.Options(
         given=numeric(values_of(subject, settings)), effects=effects, hold=hold, each=each, interpolate=interpolate,
         limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"), time=time,
+        laws=laws,
     )  # fmt: skip
     measured, judged = held_out(record, holdout, subject, mapping, runs)
     later = None if compare is None else matching_record(compare, subject, mapping)

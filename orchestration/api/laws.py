@@ -15,8 +15,9 @@ from orchestration.api.diagnosis import DiagnosisResult, unusable
 from orchestration.api.records import Records, held_out
 from orchestration.api.simulation import values_of
 from orchestration.discrepancy import pipeline
+from orchestration.discrepancy.corrected import ask
 from orchestration.discrepancy.extended_model import export, fitted_defaults
-from orchestration.discrepancy.laws.discovery import Correction, LawMapResult, discover
+from orchestration.discrepancy.laws.discovery import Correction, LawMapResult
 from orchestration.discrepancy.note import UnusableRecordError
 from orchestration.discrepancy.report.laws import effect_file, figures, summary, terminal, wording
 from orchestration.discrepancy.report.laws.asked import Asked
@@ -45,10 +46,11 @@ class LawsResult:
     sentence : str
         What was found, in words, with what unseen data say of it.
     law_map : list of dict
-        Corrections of laws, the best first: ``law``, ``signal``, ``memory``, ``constant`` (s, of a lag), ``kind``
-        (``add`` or ``multiply``), ``delta_bic``, ``shape`` (empty where no simple one is as good as the curve),
-        ``parameters``, ``curve`` (``x``, ``y``, ``low``, ``high``), ``units`` (of ``law`` and ``signal``),
-        ``confirmed`` (None where unseen data were not asked), ``alike`` (what this record cannot tell it from); SI.
+        Corrections of laws, the best first: ``effect`` (the name that `diagnose` gives it), ``law``, ``signal``,
+        ``memory``, ``constant`` (s, of a lag), ``kind`` (``add`` or ``multiply``), ``delta_bic``, ``shape`` (empty
+        where no simple one is as good as the curve), ``parameters``, ``curve`` (``x``, ``y``, ``low``, ``high``),
+        ``units`` (of ``law`` and ``signal``), ``confirmed`` (None where unseen data were not asked), ``alike`` (what
+        this record cannot tell it from); SI.
     model : type[Component] or None
         The model with the best correction, with fitted values as defaults; None where there is none.
     diagnosis : DiagnosisResult
@@ -271,7 +273,7 @@ def laws(
         result = pipeline.judge(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         raise unusable(measured, error) from error
-    found = None if result.diagnosis.inconclusive else discover(result.diagnosis, progress)
+    found = None if result.diagnosis.inconclusive else ask(result.diagnosis, progress)
     named = model if isinstance(model, str) else subject.name
     command = diagnosing(measured, named, judged, None, options, settings, mapping, runs, "laws")
     return LawsResult(Asked(result, found), command)

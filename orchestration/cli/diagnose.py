@@ -87,7 +87,7 @@ def _number(k: int) -> str:
 def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
     command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
-    time: float | None = None, runs: str | None = None, each: Sequence[str] = (),
+    time: float | None = None, runs: str | None = None, each: Sequence[str] = (), laws: bool = True,
 ) -> DiagnosisResult:  # fmt: skip
     """Do ``ppy diagnose``; the command is repeated in the report.
 
@@ -112,6 +112,8 @@ def run(
         Column that tells the records in a file apart.
     each : sequence of str
         Parameters that differ from record to record.
+    laws : bool
+        Whether laws are asked what they lack where something is left.
 
     Raises
     ------
@@ -123,7 +125,7 @@ def run(
         result = diagnose(
             read.records, read.model, holdout=read.holdouts or None, compare=files.compare, each=each,
             effects=considered, hold=hold, settings=read.settings, interpolate=interpolate, time=time,
-            mapping=read.mapping, progress=tell,
+            mapping=read.mapping, laws=laws, progress=tell,
         )  # fmt: skip
     out.print(*result.overview(), sep="\n")
     write_json(files.result, result.to_dict())

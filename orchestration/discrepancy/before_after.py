@@ -9,6 +9,7 @@ from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
+from orchestration.discrepancy.corrected import usable
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, refuse_same
 from orchestration.discrepancy.diagnosis import Diagnosis
@@ -96,10 +97,8 @@ def compare(
 
 def _usable(diagnosis: Diagnosis, label: str) -> dict[str, Dataset]:
     """The records of a diagnosis, less what could not be trusted."""
-    problem = diagnosis.final.problem
-    several = problem.runs if len(problem.runs) > 1 else ()
-    whole = Dataset(problem.time, problem.inputs, problem.measured, diagnosis.estimation.linear, several)
-    return whole.apart() if several else {label: whole}
+    whole = usable(diagnosis)
+    return whole.apart() if whole.several else {label: whole}
 
 
 def _explaining(diagnosis: Diagnosis) -> FittedCandidate:

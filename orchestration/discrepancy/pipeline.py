@@ -13,6 +13,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.candidates.typical import typical
+from orchestration.discrepancy.corrected import Laws, ask, leaves_something, with_cause
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import gap_notes, joined_dataset, labels, refuse_same
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
@@ -63,6 +64,7 @@ class Options:
     limits: Limits | None = None
     highest_frequency: float = np.inf
     time: float | None = None
+    laws: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ class Result:
     effects : list of type[Effect]
         The catalogue that was considered.
     diagnosis : Diagnosis
+        With what the laws lack among its causes, if that is confirmed.
     component : type[Component] or None
         The best model with fitted defaults; None where nothing could be said.
     gain : Gain or None
@@ -85,6 +88,8 @@ class Result:
         Where the verdict is ambiguous, the experiment that would tell more.
     notes : list of Note
         What could not be assessed, and why.
+    laws : Laws or None
+        What the laws lack; None where they were not asked.
     """
 
     records: Sequence[Record]
@@ -96,6 +101,7 @@ class Result:
     gain: Gain | None
     experiment: DiscriminatingExperiment | None
     notes: list[Note]
+    laws: Laws | None = None
 
     @property
     def record(self) -> Record:
@@ -201,8 +207,27 @@ def _judged(
     budget = budget_of(chosen, data)
     each = chosen.each if len(every) > 1 else ()
     diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, each)
+    laws, diagnosis = _asked(diagnosis, budget, progress) if chosen.laws else (None, diagnosis)
     notes = [*absent_inputs(model, every, chosen.given), *gap_notes(every), *diagnosis.notes]
-    return Result(records, holdouts, model, effects, diagnosis, None, None, None, notes), data
+    return Result(records, holdouts, model, effects, diagnosis, None, None, None, notes, laws), data
+
+
+def _asked(
+    diagnosis: Diagnosis, budget: Budget, progress: Callable[[str], None]
+) -> tuple[Laws | None, Diagnosis]:  # fmt: skip
+    """What the laws lack, and the diagnosis with it, where something is left and there is time."""
+    if not leaves_something(diagnosis):
+        return None, diagnosis
+    if budget.spent():
+        budget.leave(["what its laws lack"])
+        others = [note for note in diagnosis.notes if note.code is not NoteCode.TIME_SPENT]
+        return None, replace(diagnosis, notes=[*others, *budget.notes])
+    try:
+        laws = ask(diagnosis, progress)
+        return laws, with_cause(diagnosis, laws, progress)
+    except Exception as error:  # whatever it was, the diagnosis stands without it
+        note = Note(NoteCode.NOT_SIMULATED, "what its laws lack", {"reason": _reason(error)})
+        return None, replace(diagnosis, notes=[*diagnosis.notes, note])
 
 
 def parameters_given(options: Options, model: Model) -> dict[str, float]:

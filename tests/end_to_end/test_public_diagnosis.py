@@ -27,7 +27,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def diagnosed(record, model, *options, folder):
     """What ``ppy diagnose`` writes down, the values of the parameters, and what it prints."""
     text = works(
-        "diagnose", str(record), *(["--model", f"{EXAMPLES / model}"] if model else []), *options,
+        "diagnose", str(record), "--no-laws", *(["--model", f"{EXAMPLES / model}"] if model else []), *options,
         "--json", f"{Path(record).stem}.json", cwd=folder,
     )  # fmt: skip
     figures = json.loads((folder / f"{Path(record).stem}.json").read_text(encoding="utf-8"))
@@ -205,7 +205,7 @@ def test_families_find_the_capacitance_of_a_cell_whose_voltage_changes_it(public
     """Fitted at 3 A, judged at 2.2 A; the model that came with the record has one capacitance."""
     fitted, judged = public_data("supercapacitor_maxwell_3A.csv"), public_data("supercapacitor_maxwell_2p2A.csv")
     model = f"{fitted.parent / 'models' / 'supercapacitor.py'}:Supercap"
-    said = orchestration.diagnose(fitted, model, holdout=judged, effects=["families"], time=300.0)
+    said = orchestration.diagnose(fitted, model, holdout=judged, effects=["families"], time=300.0, laws=False)
     assert said.causes[0] == "capacitance_of_voltage(open_voltage)"
     assert said.gain.after["voltage"] < 0.02 < said.gain.before["voltage"]
 
@@ -216,7 +216,7 @@ def test_families_find_the_second_pair_of_a_cell(public_data):
     record = public_data("lfp_cell_ten_pulses.csv")
     model = f"{record.parent / 'models' / 'lfp_cell.py'}:Cell"
     said = orchestration.diagnose(
-        record, model, runs="pulse", holdout="7,8,9", each=["ocv"], effects=["families"], time=300.0
+        record, model, runs="pulse", holdout="7,8,9", each=["ocv"], effects=["families"], time=300.0, laws=False
     )
     assert {"second_kelvin", "input_lag(current)"} & {*said.causes[:1], *said.alternatives}
     assert said.gain.after["voltage"] < 0.115

@@ -43,7 +43,9 @@ def test_a_pulse_of_a_cell(public_data, tmp_path, number):
 def test_a_cell_at_states_of_charge_that_were_not_fitted(public_data):
     """One pair of RC, fitted to seven pulses, leaves 0.11 to 0.13 of the pooled spread of three others."""
     asked = question("cell", public_data, "lfp_cell_ten_pulses.csv", "lfp_cell.py:Cell")
-    said = ppy.diagnose(asked.record, asked.subject, runs="pulse", holdout="7,8,9", each=["ocv"], effects=[])
+    said = ppy.diagnose(
+        asked.record, asked.subject, runs="pulse", holdout="7,8,9", each=["ocv"], effects=[], laws=False
+    )
     assert said.gain.before["voltage"] <= 0.13
 
 
@@ -56,7 +58,7 @@ def test_a_supercapacitor_at_another_current(public_data):
     model = "supercapacitor.py:Supercap"
     asked = question("3 A", public_data, "supercapacitor_maxwell_3A.csv", model)
     other = public_data("supercapacitor_maxwell_2p2A.csv")
-    said = ppy.diagnose(asked.record, asked.subject, holdout=other, effects=[])
+    said = ppy.diagnose(asked.record, asked.subject, holdout=other, effects=[], laws=False)
     assert said.gain.before["voltage"] <= 0.055
 
 
@@ -65,7 +67,7 @@ def test_a_motor_with_a_dead_zone_is_not_consistent(public_data, gain):
     """Whatever gain it starts from."""
     settings, mapping = {"gain": gain}, {"speed": "speed[rpm]"}
     asked = question("motor", public_data, "dc_motor_dead_zone.csv", "dc_motor.py:Motor", mapping=mapping)
-    said = ppy.diagnose(asked.record, asked.subject, settings=settings, mapping=mapping)
+    said = ppy.diagnose(asked.record, asked.subject, settings=settings, mapping=mapping, laws=False)
     assert said.verdict != "consistent"
 
 

@@ -86,6 +86,10 @@ Time = Annotated[
         parser=seconds,
     ),
 ]  # fmt: skip
+NoLaws = Annotated[
+    bool,
+    typer.Option("--no-laws", help="Leave out asking every law of the model what it lacks, where something is left."),
+]
 Report = Annotated[Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")]
 Fmu = Annotated[
     Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
@@ -113,6 +117,7 @@ def diagnose(
     compare: Compare = None,
     holdout: Holdout = None,
     time: Time = None,
+    no_laws: NoLaws = False,
     result: Json = None,
     report: Report = None,
     fmu: Fmu = None,
@@ -135,6 +140,7 @@ def diagnose(
             "--compare": compare,
             "--holdout": holdout,
             "--time": time,
+            "--no-laws": no_laws or None,
             "--report": report,
             "--fmu": fmu,
             "--platforms": platforms,
@@ -152,5 +158,5 @@ def diagnose(
     with standard_output_for(result):
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each),
+            comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each), not no_laws,
         )  # fmt: skip

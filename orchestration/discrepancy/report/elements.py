@@ -26,6 +26,7 @@ td .two b { font-weight: 600 } td .two .muted { display: block; line-height: 1.3
   align-items: center; margin: 0.6rem 0 1.2rem; font-variant-numeric: tabular-nums }
 .bars b { grid-column: 1 / -1 } .bars .track { height: 0.8rem; background: #f2f5f8; border-radius: 2px }
 .bars .track i { display: block; height: 100%; min-width: 2px; border-radius: 2px }
+math { font-size: 1.25rem; margin: 0.8rem 0 1rem; overflow-x: auto; max-width: 100% }
 .gain { display: block; height: 4px; border-radius: 2px; background: #0b6aa2; margin-top: 0.3rem; min-width: 1px }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 0 1.2rem }
 .pair figure { min-width: 0; margin: 0.4rem 0 } svg.interval { display: block; margin-top: 0.35rem }

@@ -16,6 +16,9 @@ from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import elements, figures, sections, typography, wording
 from orchestration.discrepancy.report.changes import HEAD, page_rows
 from orchestration.discrepancy.report.evidence_table import evidence
+from orchestration.discrepancy.report.laws import sections as law_sections
+from orchestration.discrepancy.report.laws.asked import Asked
+from orchestration.discrepancy.report.laws.headline import typeset
 from orchestration.records import Record
 from orchestration.records.joined import base_name
 from orchestration.reporting.page import Markup, Page, escaped
@@ -41,7 +44,7 @@ def page(result: Result, command: str, changes: Sequence[Change] = (), later: Re
     diagnosis = result.diagnosis
     more = "".join(f'<span class="detail">{line}</span>' for line in typography.details(diagnosis))
     chip = elements.chip(diagnosis.verdict, diagnosis.verdict)
-    verdict = Markup(f"{chip} {escaped(wording.headline(result))}{more}")
+    verdict = Markup(f"{chip} {typeset(result)}{more}")
     made = Page(f"{result.model.name} against {result.files}", verdict, elements.STYLE)
     models, simulated = sections.shown_models(result)
     _summary(made, result)
@@ -49,6 +52,7 @@ def page(result: Result, command: str, changes: Sequence[Change] = (), later: Re
         _comparison(made, changes, result, later)
     sections.gain(made, result, models, simulated)
     sections.curves(made, result, models, simulated)
+    law_sections.laws(made, Asked(result, result.laws))
     evidence(made, result)
     sections.parameters(made, diagnosis)
     sections.residuals(made, result)
@@ -117,7 +121,7 @@ def _comparison(made: Page, changes: Sequence[Change], result: Result, later: Re
         "what gains and is uncertain may stand in for an error of the model."
     ))  # fmt: skip
     chip = elements.chip(later.diagnosis.verdict, later.diagnosis.verdict)
-    made.text(Markup(f"{escaped(later.files)} by itself: {chip} {escaped(wording.headline(later))}"))
+    made.text(Markup(f"{escaped(later.files)} by itself: {chip} {typeset(later)}"))
     made.items([wording.message(note) for note in later.notes if note.code not in wording.IN_HEADLINE])
 
 

@@ -6,11 +6,16 @@ from inspect import isfunction
 from typing import Any
 
 from fmus.kit import Component, Effect
+from fmus.kit.component import effect_name
+from fmus.kit.corrections import correction
 from orchestration.discrepancy.candidates.paired_score import PairedScore
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.errors import run_errors
+from orchestration.discrepancy.report.laws.asked import Asked
+from orchestration.discrepancy.report.laws.headline import headline
+from orchestration.discrepancy.report.laws.summary import law_map
 from orchestration.discrepancy.validation.side_by_side import Errors
 from orchestration.identify.metrics import number
 
@@ -23,7 +28,7 @@ def summary(result: Result) -> dict[str, Any]:
     diagnosis, errors = result.diagnosis, result.gain or result.diagnosis
     figures = {
         "verdict": str(diagnosis.verdict),
-        "headline": wording.headline(result),
+        "headline": headline(result),
         "baseline": {
             "holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in diagnosis.before.items()},
         },
@@ -31,6 +36,7 @@ def summary(result: Result) -> dict[str, Any]:
         "changed": diagnosis.changed,
         "causes": _causes(diagnosis),
         "alternatives": _alternatives(diagnosis),
+        "law_map": law_map(Asked(result, result.laws)),
         "gain": {
             "holdout_nrmse_before": {o: number(e) for o, e in errors.before.items()},
             "holdout_nrmse_after": {o: number(e) for o, e in errors.after.items()},
@@ -75,7 +81,7 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         effect, found = step.chosen.effect, diagnosis.confirmations.get(step.chosen.effect_name)
         own = [name for name in best.candidate.parameters if name in effect.declared]
         causes.append({
-            "effect": effect.id, "component": diagnosis.selection.base.candidate.cls.name,
+            "effect": _id(effect), "component": diagnosis.selection.base.candidate.cls.name,
             **({"output": effect.output} if effect.output else {}),
             "law": effect.term.law or ", ".join(_overridden(effect, best.candidate.cls)),
             "signal": effect.term.signal, "shape": effect.term.shape,
@@ -84,6 +90,11 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "evidence": {"delta_bic": step.gain, "p_value": step.p_value} | (_score(found.score) if found else {}),
         })  # fmt: skip
     return causes
+
+
+def _id(effect: type[Effect]) -> str:
+    """Id of an effect; one that no catalogue has is only known by what it is of."""
+    return effect_name(effect) if getattr(effect, "made_by", None) is correction else effect.id
 
 
 def _overridden(effect: type[Effect], cls: type[Component]) -> list[str]:

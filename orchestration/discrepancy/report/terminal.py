@@ -16,6 +16,9 @@ from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.changes import HEAD, plain_rows
 from orchestration.discrepancy.report.errors import RunError, error_rows, run_errors
 from orchestration.discrepancy.report.evidence_table import every_tried
+from orchestration.discrepancy.report.laws import terminal as law_tables
+from orchestration.discrepancy.report.laws.asked import Asked
+from orchestration.discrepancy.report.laws.headline import headline
 from orchestration.records.joined import shown_name
 from orchestration.reporting.console import plain_table
 
@@ -31,6 +34,8 @@ def overview(result: Result) -> Group:
         parts += [_runs(runs), Text()]
     if diagnosis.selection.steps or diagnosis.selection.rejected:
         parts += [_evidence(diagnosis), Text()]
+    if (asked := Asked(result, result.laws)).best:
+        parts += [law_tables.corrections(asked), Text()]
     parts.append(_parameters(diagnosis))
     if result.experiment:
         parts.append(Text(wording.experiment(result.experiment)))
@@ -40,7 +45,7 @@ def overview(result: Result) -> Group:
 def _said(result: Result) -> list[Text]:
     """The verdict with its notes, and by how much parameters differ from nominal."""
     return [
-        Text.assemble((result.diagnosis.verdict, "bold"), "  ", wording.headline(result)),
+        Text.assemble((result.diagnosis.verdict, "bold"), "  ", headline(result)),
         *(Text(wording.message(note)) for note in result.notes if note.code not in wording.IN_HEADLINE),
         *(Text(line) for line in _changes(result.diagnosis)),
     ]

@@ -15,6 +15,7 @@ from tests.support.diagnosis import SHORT
 
 OPTIONS = {
     "effects": [], "hold": ["k2"], "each": ["R1"], "interpolate": False, "time": 30.0, "settings": {"k2": "9000[N/m]"},
+    "laws": False,
 }  # fmt: skip
 
 

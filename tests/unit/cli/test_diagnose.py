@@ -13,12 +13,16 @@ import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.cli.diagnose import Files
+from orchestration.fmu.model import find_model
 from orchestration.rig.emulator.records import draw, write
 from tests.support.command import ppy, works
 from tests.support.diagnosis import FEW, SHORT, broken_off
+from tests.support.hidden.curves import dry_root
+from tests.support.lacking import motor
 from tests.support.pages import words_of
 
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
+MOTOR = Path(__file__).parents[2] / "support" / "clean" / "models" / "motor.py"
 STAGE = Path(__file__).parents[3] / "examples" / "positioning_stage.py"
 
 
@@ -43,6 +47,23 @@ def test_the_command_names_and_writes_it_down(tmp_path):
     assert "no effect named 'strain_saturatoin' (did you mean strain_saturation?)" in message
     message = fails("diagnose", "record.csv", "--json", "record.csv", cwd=tmp_path)
     assert "will not be overwritten" in message
+
+
+def test_laws_are_asked_unless_they_are_left_out(tmp_path):
+    shutil.copy(MOTOR, tmp_path / "motor.py")
+    motor(tmp_path / "motor.csv", dry_root(0.01, 2.0))
+    command = ["diagnose", "motor.csv", "--model", "motor.py:Motor", "--effects", "none", "--json", "d.json"]
+    text = works(*command, "--report", "d.html", "--fmu", "better.fmu", cwd=tmp_path)
+    assert "friction depends on omega beyond what the model has: it looks like " in " ".join(text.split())
+    written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
+    assert (written["verdict"], written["causes"][0]["effect"]) == ("cause", "coulomb_friction")
+    assert written["law_map"][0]["effect"] == "coulomb_friction"
+    assert "Which law over which signal" in (tmp_path / "d.html").read_text(encoding="utf-8")
+    assert "friction_coulomb" in find_model(str(tmp_path / "better.fmu")).parameters
+    text = works(*command, "--no-laws", cwd=tmp_path)
+    assert "depends on omega" not in text
+    written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
+    assert (written["verdict"], written["causes"], written["law_map"]) == ("unexplained", [], [])
 
 
 def test_an_unknown_model_is_told(tmp_path):

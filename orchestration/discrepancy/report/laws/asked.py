@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,20 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit import Component, Effect
+from fmus.kit.component import effect_name
 from fmus.kit.corrections import Of
 from fmus.kit.curves import SHAPES
 from fmus.kit.units import registry
 from orchestration.discrepancy.candidates.candidate import own_parameters
-from orchestration.discrepancy.laws.discovery import Correction, LawMapResult, unit_of
-from orchestration.discrepancy.laws.map import Entry
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.corrected import Laws
+from orchestration.discrepancy.laws.discovery import Correction, LawMapResult
+from orchestration.discrepancy.laws.fitting import unit_of
 from orchestration.discrepancy.laws.signals import Signal
 from orchestration.discrepancy.pipeline import Result
+from orchestration.discrepancy.report.laws.formula import formula as taken_apart
 from orchestration.discrepancy.validation.confirmation import Outcome
 from orchestration.discrepancy.validation.estimates import estimates
 from orchestration.identify.estimate import Estimate
 
 Array = NDArray[np.float64]
-_ALIKE, _LISTED = 0.99, 5  # correlation of what corrections do, from which on a record cannot tell them apart
 _PLAIN = ("N", "N*m", "V", "A", "W", "J", "Pa", "ohm", "C", "N/m")  # as engineers call them
 _REMEMBERED = {
     "": "{0}", "lagged": "{0} lagged by {1:.3g} s", "leading": "{0} less itself lagged by {1:.3g} s",
@@ -40,12 +44,17 @@ class Asked:
     ----------
     result : Result
         Of the model as a whole.
-    found : LawMapResult or None
+    laws : Laws or None
         Of its laws; None where no input moves, so that nothing can be asked.
     """
 
     result: Result
-    found: LawMapResult | None
+    laws: Laws | None
+
+    @property
+    def found(self) -> LawMapResult | None:
+        """What was found of its laws."""
+        return self.laws.found if self.laws else None
 
     @property
     def corrections(self) -> list[Correction]:
@@ -58,25 +67,35 @@ class Asked:
         return next(iter(self.corrections), None)
 
     @property
-    def component(self) -> type[Component]:
+    def base(self) -> FittedCandidate:
         """The model that was asked, with the effects that were named."""
-        return self.result.diagnosis.selection.best.candidate.cls
+        return self.found.base if self.found else self.result.diagnosis.selection.best
+
+    @property
+    def component(self) -> type[Component]:
+        """That model as a component."""
+        return self.base.candidate.cls
+
+    @property
+    def causes(self) -> list[str]:
+        """Effects that were named before the laws were asked."""
+        return [effect_name(effect) for effect in self.base.candidate.effects]
+
+    def effect(self, correction: Correction) -> str:
+        """Name of a correction: that of the catalogue's effect which does the same, or ``LAW(SIGNAL)``."""
+        if self.laws and self.laws.cause and correction is self.best:
+            return self.laws.cause.effect_name
+        return correction.model.effect_name
 
     def alike(self, correction: Correction) -> list[str]:
-        """What does so nearly the same to the outputs that this record cannot tell it from a correction."""
-        entry, entries = correction.entry, self.found.entries if self.found else []
-        near = [e for e in entries if e is not entry and _correlation(e, entry) >= _ALIKE]
-        return list(dict.fromkeys(e.label for e in near if e.label != entry.label))[:_LISTED]
+        """What this record cannot tell from a correction, what is nearest to the model first."""
+        return list(dict.fromkeys(e.label for e in correction.alike if e.label != correction.entry.label))
 
     def units(self, correction: Correction) -> tuple[str, str]:
         """Units of the law, or of its factor, and of the signal; SI."""
         entry = correction.entry
         law = "1" if entry.kind == "multiply" else plain_unit(unit_of(self.component, entry.law))
         return law, signal_unit(self.component, entry.signal)
-
-
-def _correlation(a: Entry, b: Entry) -> float:
-    return abs(float(a.direction @ b.direction)) if a.direction.shape == b.direction.shape else 0.0
 
 
 def verdict(correction: Correction) -> bool | None:
@@ -114,8 +133,27 @@ def table_of(effect: type[Effect]) -> tuple[Sequence[float], Sequence[float]]:
 
 
 def formula(shape: str) -> str:
-    """A shape as a formula of x."""
-    return SHAPES[shape].text
+    """A shape as a formula of x, without what is remarked on it."""
+    text = SHAPES[shape].text
+    return text.removesuffix(f", {taken_apart(text).remark}")
+
+
+def shape_width(correction: Correction) -> float | None:
+    """Where the named shape bends, in the unit of its signal; None where it has no width."""
+    effect = correction.model.effect
+    values = correction.model.problem.start | correction.model.fit.values
+    return values.get(f"{effect.neutral}_width")
+
+
+def shape_form(correction: Correction) -> Callable[[Array], Array] | None:
+    """The named shape as it was fitted, over values of its signal; None where there is none."""
+    if not correction.shape:
+        return None
+    shape, effect = SHAPES[correction.shape], correction.model.effect
+    amount = (correction.model.problem.start | correction.model.fit.values)[effect.neutral]
+    width, scale = shape_width(correction), signal_of(effect)[1].scale
+    width = 1.0 if width is None else width
+    return lambda x: np.array([amount * float(shape.form(float(one), width, scale)) for one in x])
 
 
 def shape_values(correction: Correction, x: Array) -> Array | None:
@@ -123,16 +161,8 @@ def shape_values(correction: Correction, x: Array) -> Array | None:
 
     A straight part is what the model's own parameters can do too, and they are others beside the curve.
     """
-    if not correction.shape:
+    if (form := shape_form(correction)) is None:
         return None
-    shape, effect = SHAPES[correction.shape], correction.model.effect
-    values = correction.model.problem.start | correction.model.fit.values
-    of = signal_of(effect)[1]
-    width = values.get(f"{effect.neutral}_width", 1.0)
-
-    def form(at: Array) -> Array:
-        return np.array([values[effect.neutral] * float(shape.form(float(one), width, of.scale)) for one in at])
-
     knots, (curve, low, high) = np.asarray(correction.entry.basis.knots), correction.band
     weight = 1.0 / np.maximum(high - low, 1e-9 * max(float(np.ptp(curve)), 1e-300))
     line = np.polyfit(knots, curve - form(knots), min(1, len(knots) - 1), w=weight)
@@ -141,7 +171,8 @@ def shape_values(correction: Correction, x: Array) -> Array | None:
 
 def signal_unit(component: type[Component], signal: Signal) -> str:
     """SI unit of a signal, or of what is remembered of it."""
-    return Of(signal.name, signal.memory, signal.constant, plain_unit(unit_of(component, signal.name))).unit_of_memory
+    unit = Of(signal.name, signal.memory, signal.constant, plain_unit(unit_of(component, signal.name))).unit_of_memory
+    return re.sub(r"\((\w+)\)", r"\1", unit)  # one unit alone needs no brackets
 
 
 def plain_unit(unit: str) -> str:

@@ -26,6 +26,8 @@ FORMULAS = {
     "cubic": "x * (x * x)",
     "saturating": "tanh(x / {w})",
     "sign": "tanh(x / {w})",
+    "sign_beyond": "0.5 * (tanh(10.0 * (x / {w} - 1.0)) + tanh(10.0 * (x / {w} + 1.0)))",
+    "levelling": "x - {w} * tanh(x / {w})",
     "exponential": "exp(minimum(x / {w}, 30.0)) - 1.0",
     "square_root": "x / sqrt(absolute(x) / {s} + 1e-6)",
     "stribeck": "tanh(10.0 * x / {w}) * exp(-minimum((x / {w}) * (x / {w}), 30.0))",
@@ -34,7 +36,7 @@ FORMULAS = {
     "upper_stop": "maximum(x - {w}, 0.0)",
     "lower_stop": "minimum(x + {w}, 0.0)",
 }
-_FUNCTIONS = ("absolute", "clip", "exp", "maximum", "minimum", "sqrt", "table", "tanh")
+_FUNCTIONS = ("absolute", "clip", "exp", "maximum", "minimum", "smooth_table", "sqrt", "tanh")
 _FAR = 1e9  # nominal values, beyond which a bound is none
 _ROW = 6  # numbers in a line of a table
 
@@ -133,7 +135,7 @@ def _body(cls: type[Component], correction: Correction, of: Of, values: dict[str
 def _form(correction: Correction, of: Of) -> str:
     """The function of x."""
     if not correction.shape:
-        return "table(x, KNOTS, VALUES)"
+        return "smooth_table(x, KNOTS, VALUES)"
     width, size = f"self.{correction.model.effect.neutral}_width", _number(of.scale)
     known = FORMULAS.get(correction.shape)
     if known is None:

@@ -29,10 +29,9 @@ _BAND = "rgba(11,106,162,0.18)"
 
 def _grid(correction: Correction) -> tuple[Array, tuple[Array, Array, Array]]:
     """Places along the curve, its knots among them, and the curve and its band there."""
-    knots = np.asarray(correction.entry.basis.knots)
-    x = np.union1d(np.linspace(knots[0], knots[-1], _POINTS), knots)
-    value, low, high = (np.interp(x, knots, of) for of in correction.band)
-    return x, (value, low, high)
+    basis = correction.entry.basis
+    x = np.union1d(np.linspace(basis.knots[0], basis.knots[-1], _POINTS), basis.knots)
+    return x, correction.band_at(x)
 
 
 def titles(asked: Asked, correction: Correction) -> tuple[str, str]:

@@ -18,7 +18,7 @@ def law_map(asked: Asked) -> list[dict[str, Any]]:
 
 def summary(asked: Asked) -> dict[str, Any]:
     """Gather the figures of a look at laws."""
-    best, diagnosis = asked.best, asked.result.diagnosis
+    best = asked.best
     before, after = best.errors if best else ({}, {})
     return {
         "sentence": wording.sentence(asked),
@@ -28,8 +28,8 @@ def summary(asked: Asked) -> dict[str, Any]:
             "holdout_nrmse_after": {o: number(e) for o, e in after.items()},
         },
         "looked_at": len(asked.found.entries) if asked.found else 0,
-        "causes": diagnosis.causes,
-        "parameters": {name: e.to_dict() for name, e in diagnosis.estimates.items()},
+        "causes": asked.causes,
+        "parameters": {name: e.to_dict() for name, e in asked.result.diagnosis.estimates.items()},
         "notes": [
             {"code": str(note.code), "subject": note.subject, "message": message(note)} for note in asked.result.notes
         ],
@@ -42,6 +42,7 @@ def _correction(asked: Asked, one: Correction) -> dict[str, Any]:
     law, signal = asked.units(one)
     curve = {"x": entry.basis.knots, "y": values, "low": low, "high": high}
     return {
+        "effect": asked.effect(one),
         "law": entry.law,
         "signal": entry.signal.name,
         "memory": entry.signal.memory,

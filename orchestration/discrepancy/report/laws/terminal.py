@@ -16,7 +16,7 @@ def overview(asked: Asked) -> Group:
     parts: list[RenderableType] = [Text(wording.sentence(asked), "bold")]
     parts += [Text(message(note)) for note in asked.result.notes]
     if asked.best is not None:
-        parts += [Text(), _corrections(asked)]
+        parts += [Text(), corrections(asked)]
         if asked.best.errors[0]:
             parts += [Text(), _errors(asked)]
         parts += [Text(), _parameters(asked)]
@@ -24,15 +24,16 @@ def overview(asked: Asked) -> Group:
     return Group(*parts)
 
 
-def _corrections(asked: Asked) -> RenderableType:
-    table = plain_table("corrections", "law", "signal", "fall of BIC", "shape", "unseen data", "alike")
+def corrections(asked: Asked) -> RenderableType:
+    """Table of what was fitted, the best first."""
+    table = plain_table("corrections", "effect", "law", "signal", "fall of BIC", "shape", "unseen data", "alike")
     for one in asked.corrections:
         law = f"{one.entry.law}{' (factor)' if one.entry.kind == 'multiply' else ''}"
         alike = asked.alike(one)
         more = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
         table.add_row(
-            law, named(one.entry.signal), f"{one.gain:.1f}", one.shape or "a curve", wording.said_of(one),
-            "".join(alike[:1]) + more,
+            asked.effect(one), law, named(one.entry.signal), f"{one.gain:.1f}", one.shape or "a curve",
+            wording.said_of(one), "".join(alike[:1]) + more,
         )  # fmt: skip
     return table
 

@@ -18,6 +18,7 @@ from orchestration.discrepancy.report.laws.asked import (
     unit_of,
     verdict,
 )
+from orchestration.discrepancy.report.laws.quantities import quantities
 from orchestration.identify.estimate import Estimate
 
 NOTHING = "No law is found to lack anything."
@@ -26,17 +27,17 @@ _NAMES = {
     "odd_quadratic": "a square with the sign of its signal", "cubic": "a cube", "saturating": "a saturation",
     "sign": "a sign", "exponential": "an exponential", "square_root": "a square root",
     "stribeck": "Stribeck's curve", "stops": "a stop on either side", "weir": "a weir", "upper_stop": "a stop above",
-    "lower_stop": "a stop below",
+    "lower_stop": "a stop below", "sign_beyond": "a sign beyond a dead zone", "levelling": "a line with a flat middle",
 }  # fmt: skip
 _WIDE = 0.5  # of what the curve spans, from which on its band is wide
 
 
 def sentence(asked: Asked) -> str:
     """What was found, with what unseen data say of it."""
-    best, diagnosis = asked.best, asked.result.diagnosis
+    best = asked.best
     if asked.found is None:
-        return wording.sentence(diagnosis)
-    beside = f"Beside {' and '.join(diagnosis.causes)}: " if diagnosis.causes else ""
+        return wording.sentence(asked.result.diagnosis)
+    beside = f"Beside {' and '.join(asked.causes)}: " if asked.causes else ""
     if best is None:
         return beside + (f"{NOTHING[:1].lower()}{NOTHING[1:]}" if beside else NOTHING)
     entry = best.entry
@@ -52,11 +53,13 @@ def sentence(asked: Asked) -> str:
 
 
 def looks(asked: Asked, correction: Correction) -> str:
-    """Which shape a correction has."""
+    """Which shape a correction has, in quantities that mean something."""
+    comes_to = quantities(asked, correction)
     if not correction.shape:
-        return "it looks like no simple shape, and is given as a curve"
+        return f"it looks like no simple shape, is given as a curve, and {comes_to}"
     return (
-        f"it looks like {shape_name(correction.shape)}, {formula(correction.shape)} with {amounts(asked, correction)}"
+        f"it looks like {shape_name(correction.shape)}, which {comes_to} "
+        f"({formula(correction.shape)} with {amounts(asked, correction)})"
     )
 
 
@@ -166,5 +169,5 @@ def error_rows(best: Correction) -> list[list[str]]:
 
 def own_changes(asked: Asked, correction: Correction) -> Mapping[str, tuple[float, float]]:
     """The model's own parameters before and beside a correction."""
-    fitted, base = correction.model.fit.values, asked.result.diagnosis.selection.best.fit.values
+    fitted, base = correction.model.fit.values, asked.base.fit.values
     return {name: (base[name], fitted[name]) for name in base if name in fitted}
