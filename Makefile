@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo hil-demo test test-slow naming clean-study hidden-study hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: demo hil-demo test test-slow naming clean-study hidden-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -12,6 +12,8 @@ help:
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
 	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
+	@echo "make laws-study whether the law is found that lacks what no catalogue has, and what is said of clean records; SEED=N likewise"
+	@echo "make public-laws what the laws of four measured systems lack; records where PPY_PUBLIC_DATA says"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
 	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
@@ -33,6 +35,12 @@ clean-study: $(VENV)/installed-dev
 
 hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
+
+laws-study: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.laws --records 144 --clean 64 --actuator 2 --seed $(or $(SEED),20261129) --without VoiceCoil --out docs/hidden-laws.md
+
+public-laws: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.public_laws
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2 --seed $(or $(SEED),700)

@@ -6,12 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import hidden, naming, stamp
+from benchmarks import hidden, naming, public_laws, stamp
 
 
 @pytest.mark.parametrize(
     ("page", "code", "how"),
-    [(hidden.PAGE, hidden.CODE, "make hidden-study"), (naming.PAGE, naming.CODE, "make naming")],
+    [
+        (hidden.PAGE, hidden.CODE, "make hidden-study"),
+        (naming.PAGE, naming.CODE, "make naming"),
+        (public_laws.PAGE, public_laws.CODE, "make public-laws"),
+    ],
 )
 def test_a_page_was_drawn_with_this_code(page, code, how):
     said = stamp.stamped(page.read_text(encoding="utf-8"))

@@ -1,0 +1,180 @@
+"""What a study of laws counts, and which answers are right: pure functions of what was said and of what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.support.hidden_laws.place import Answer, counted, is_right, proportional
+from tests.support.hidden_laws.plants import Lawful
+from tests.support.hidden_laws.shapes import Kind
+
+if TYPE_CHECKING:
+    from orchestration.discrepancy.laws.discovery import Correction
+    from orchestration.discrepancy.laws.map import Entry
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+LEAST = 4.0  # noise widths that must be left of what is hidden
+GROUP = 3  # members of a group of which it is of use to be told
+SAID = ("first", "in the group", "large group", "further down", "another", "none", "refused")
+GOOD = SAID[:2]
+NEAR_TRUTH = 1.02  # of the error of the truth on what was held out
+_POINTS, _ENDS = 41, (0.01, 0.99)  # where a band is held against the truth, and quantiles of the signal
+_FEWEST = 4  # points, below which a line goes through all of them
+
+
+def answer(entry: Entry) -> Answer:
+    """What an entry of a map says."""
+    return Answer(entry.law, entry.kind, entry.signal.name, entry.signal.memory)
+
+
+def excluded(row: Row) -> bool:
+    """Whether what is hidden leaves too little."""
+    return bool(row["widths"] < LEAST)
+
+
+def named(row: Row) -> str:
+    """What was said of what is hidden, one of `SAID`."""
+    if row.get("refused"):
+        return "refused"
+    if not row["said"]:
+        return "none"
+    if row["said"][0]["right"]:
+        return "first"
+    if any(one["right"] for one in row["alike"]):
+        return "in the group" if 1 + len(row["alike"]) <= GROUP else "large group"
+    return "further down" if any(one["right"] for one in row["said"]) else "another"
+
+
+def confirmed(row: Row) -> bool:
+    """Whether unseen data confirmed what was said first."""
+    return bool(row["said"] and row["said"][0]["confirmed"])
+
+
+def wrongly_confirmed(row: Row) -> bool:
+    """Whether unseen data confirmed what is not right, and nothing right is told beside it."""
+    return confirmed(row) and named(row) in ("further down", "another")
+
+
+def as_good(row: Row) -> bool:
+    """Whether what is not right predicts unseen data as well as the truth: the record hardly tells them apart."""
+    return bool(row.get("said")) and named(row) not in GOOD and row.get("ratio", np.inf) <= NEAR_TRUTH
+
+
+def rank(entries: Sequence[Answer], right: Iterable[Answer], series: Mapping[str, Array], step: float) -> int | None:
+    """Place of the first right answer among several, from 1; None if none is right."""
+    known = frozenset(right)
+    return next((k for k, said in enumerate(entries, start=1) if is_right(said, known, series, step)), None)
+
+
+def other_way(said: Answer, right: Iterable[Answer], series: Mapping[str, Array], step: float) -> bool:
+    """Whether law and signal are right, but something is added that should be multiplied, or the other way round."""
+    known, turned = frozenset(right), replace(said, kind="add" if said.kind == "multiply" else "multiply")
+    return is_right(turned, known, series, step) and not is_right(said, known, series, step)
+
+
+def naive_is_right(name: str, right: Iterable[Answer], series: Mapping[str, Array]) -> bool:
+    """Whether a signal is one that some right answer is a curve of as it is, whatever its law."""
+    signals = {a.signal for a in right if not a.memory}
+    mine = series.get(name)
+    return name in signals or (mine is not None and any(proportional(mine, series.get(s)) for s in signals))
+
+
+def covered(
+    x: Array, band: tuple[Array, Array, Array], truth: Callable[[float], float], visited: Array
+) -> float | None:
+    """Share of the range that a record visited in which a band holds the true curve, straight parts apart.
+
+    Parameters
+    ----------
+    x : ndarray, shape (k,)
+        Knots, SI.
+    band : tuple of ndarray, shape (k,)
+        Curve, lower and upper end.
+    truth : callable
+        True curve, in the unit of the band.
+    visited : ndarray, shape (n,)
+        Values of the signal.
+
+    Returns
+    -------
+    float or None
+        None where the signal takes too few values to tell a curve from a line.
+    """
+    low, high = np.quantile(visited, _ENDS)
+    several = np.unique(visited[(visited >= low) & (visited <= high)])
+    at = several if len(several) <= _POINTS else np.linspace(low, high, _POINTS)
+    if len(at) < _FEWEST:
+        return None
+    curve, least, most = (np.interp(at, x, y) for y in band)
+    true = np.array([truth(float(one)) for one in at])
+    width = most - least
+    line = np.polyfit(at, curve - true, 1, w=1.0 / np.maximum(width, 1e-9 * max(float(width.max()), 1e-300)))
+    aligned = true + np.polyval(line, at)
+    return float(np.mean((aligned >= least) & (aligned <= most)))
+
+
+def true_curve(
+    said: Answer, kind: Kind, curve: Callable[[float], float] | None, series: Mapping[str, Array], step: float,
+    plant: Lawful, truth: Mapping[str, float], fitted: Mapping[str, float],
+) -> tuple[Callable[[float], float], Array] | None:  # fmt: skip
+    """What a right answer should look like: a function of its signal in the unit of its law, and where that has been.
+
+    A law to which something is added does so in its own unit and sign; of one that is multiplied the model's own
+    parameter may be another, which scales it.
+
+    Returns
+    -------
+    tuple of callable and ndarray, shape (n,), or None
+        None where it is no curve of one signal, or is told in another way.
+    """
+    wanted = Answer(kind.place.law, kind.place.kind, kind.place.signal, kind.memory)
+    mine, its = counted(said, series, step), counted(wanted, series, step)
+    if curve is None or said.kind != wanted.kind or mine is None or its is None:
+        return None
+    slope, offset = np.polyfit(mine, its, 1) if not np.array_equal(mine, its) else (1.0, 0.0)
+    if not np.array_equal(mine, its) and not proportional(mine, its):
+        return None
+    along: Callable[[float], float] = lambda x: curve(float(slope * x + offset))  # noqa: E731
+    if said.kind == "add":
+        factor = plant.equals(wanted.law, truth).get(said.law)
+        return None if factor is None else ((lambda x: factor * along(x)), mine)
+    name, power = kind.coefficient
+    if said.law != wanted.law or name not in fitted:
+        return None
+    ratio = (truth[name] / fitted[name]) ** power
+    return (lambda x: ratio * (1.0 + along(x)) - 1.0), mine
+
+
+def band_covers(
+    best: Correction, kind: Kind, curve: Callable[[float], float] | None, series: Mapping[str, Array], step: float,
+    plant: Lawful, truth: Mapping[str, float],
+) -> float | None:  # fmt: skip
+    """Share of the visited range in which the band of a right answer holds the truth; None where none can be told."""
+    found = true_curve(answer(best.entry), kind, curve, series, step, plant, truth, best.fitted.values)
+    if found is None:
+        return None
+    return covered(np.asarray(best.entry.basis.knots), best.band, *found)
+
+
+def closed_form(shapes: Sequence[str], kind: Kind, said: Answer, from_zero: bool) -> bool | None:
+    """Whether the closed form is among the first two that are told; None where there is none to be told.
+
+    Parameters
+    ----------
+    shapes : sequence of str
+        The nearest first.
+    kind : Kind
+    said : Answer
+        Right.
+    from_zero : bool
+        Whether what is counted starts at zero with the record: otherwise the form is another.
+    """
+    if not kind.closed or said.kind != kind.place.kind or not from_zero:
+        return None
+    return bool(kind.closed & {*shapes[:2]})
