@@ -117,7 +117,7 @@ def test_an_interrupt_ends_a_wait(sleeper):
     begin = perf_counter()
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     done = run(sleeping(sleeper), points(30.0, 60.0), real_time=RealTime())
-    assert perf_counter() - begin < 0.3 + 0.1 + LATE
+    assert perf_counter() - begin < 10.0  # it would wait for 30 s, and a busy machine takes seconds
     assert (done.complete, done.time.tolist()) == (False, [0.0, 30.0])
     assert done.message == "interrupted at 30 s of 60 s"
 
