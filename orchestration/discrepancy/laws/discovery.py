@@ -22,7 +22,7 @@ from orchestration.fmu.effects import catalogue, families
 from orchestration.records.joined import base_name
 
 Array = NDArray[np.float64]
-_TOLD = 6  # corrections that are told
+_TOLD, _MAPPED = 6, 3  # corrections that are fitted to the end: by their first fits, and by the map
 _NEAR = 0.5  # of the fall of the best, which a correction that is told must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
 _ABOUT = 0.05  # of what the best gains, likewise: no curve, and no lag, is quite the plant's
@@ -156,9 +156,10 @@ def _families(cls: type[Component]) -> set[str]:
 def _fitted(fitting: Fitting, chosen: Sequence[Entry], below: float) -> list[FittedEntry]:
     """Entries that make a record likelier than it is below, the best first; only those that come near are settled."""
     first = sorted(filter(None, side_by_side(fitting.first, chosen)), key=lambda one: one.criterion)
-    near = [one for one in first if below - one.criterion > _NEAR * (below - first[0].criterion)][:_TOLD]
-    settled = sorted(side_by_side(fitting.settled, near), key=lambda one: one.criterion)
-    return [one for one in settled if one.criterion < below]
+    # a fit from afar may need more than its first steps, and the map knows
+    mapped = sorted(first[_TOLD:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
+    settled = sorted(side_by_side(fitting.settled, [*first[:_TOLD], *mapped]), key=lambda one: one.criterion)
+    return [one for one in settled if below - one.criterion > max(_NEAR * (below - settled[0].criterion), 0.0)]
 
 
 def _as_good(found: LawMap, fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import Component, Effect
 from fmus.kit.corrections import Of, correction
+from fmus.kit.errors import UserError
 from fmus.kit.symbolic.families import laws_of
 from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
@@ -69,6 +70,8 @@ class Fitting:
     def __init__(self, search: Search, base: FittedCandidate, found: LawMap):
         # where a curve may step, each of its values is felt for a moment only
         self._search, self._base, self._found = replace(search, patience=_PATIENCE), base, found
+        time = search.data.time
+        self._shortest, self._longest = float(np.median(np.diff(time))), float(time[-1] - time[0])
         self._is_moving = any(name in search.base.layout.start_parameters for name in search.parameters)
 
     def first(self, entry: Entry) -> FittedEntry | None:
@@ -169,7 +172,10 @@ class Fitting:
         variance = float(model.fit.covariance.matrix[k, k]) * spread**2
         shape = np.outer(knots, knots)
         curve = Curve(self._base.fit.bic - model.fit.bic, amount * knots, variance * shape, amount**2 * shape, 0.0)
-        return FittedEntry(_with_constant(entry, model), curve, model.fit.bic, model.fit.values, straight=model)
+        entry = _with_constant(entry, model)
+        if entry.signal.constant and not self._shortest < entry.signal.constant < self._longest:
+            raise UserError(f"{entry.label}: no lag, but the signal itself, or a constant")
+        return FittedEntry(entry, curve, model.fit.bic, model.fit.values, straight=model)
 
     def _fitted(self, effect: type[Effect], start: dict[str, float]) -> FittedCandidate:
         base = self._base

@@ -185,16 +185,26 @@ class LawMap:
         course = self.courses[law]
         record = LinearisedRecord(course, self._fitted.fit.prior_precision, self._present, noise)
         signals = self.signals_of(course)
-        names = {s: self._name(law, s) for s in signals}
-        known = [s for s in signals if not self._is_loop(s, names[s])]
-        for name in dict.fromkeys(names[s] for s in known):
-            mine = [s for s in known if names[s] == name]
+        for name, kind, mine in self._asked(course, list(signals)):
             for at in range(0, len(mine), _AT_ONCE):
-                for kind in ("add", "multiply"):
-                    some = {s: signals[s] for s in mine[at : at + _AT_ONCE] if s.memory in _MEMORIES[kind]}
-                    if not some:
-                        continue
-                    yield from self._of_signals(course, name, some, kind, record)
+                yield from self._of_signals(
+                    course, name, {s: signals[s] for s in mine[at : at + _AT_ONCE]}, kind, record
+                )
+
+    def _asked(self, course: FreeCourse, signals: Sequence[Signal]) -> Iterator[tuple[str, str, list[Signal]]]:
+        """Laws, kinds of corrections, and their signals.
+
+        Of laws that do the same one is enough to be added to; but what is multiplied is each of them.
+        """
+        laws, told = self.candidates[course.law], list[Array]()
+        _, _, response = max(course.parts, key=lambda part: len(part[1].time))
+        factors = [law for law in laws if law not in self._constants and is_new(response.values[law], told)]
+        add = {s: self._name(course.law, s) for s in signals}
+        names = [(law, "add", [s for s in signals if add[s] == law]) for law in laws]
+        for law, kind, mine in (*names, *((law, "multiply", [*signals]) for law in factors)):
+            known = [s for s in mine if s.memory in _MEMORIES[kind] and not self._is_loop(s, law)]
+            if known:
+                yield law, kind, known
 
     def is_natural(self, entry: Entry) -> bool:
         """Whether the law hangs on the signal already, or is known to: its shape is the likeliest to be wrong.
@@ -214,13 +224,14 @@ class LawMap:
 
         A signal is near where it stands in what the law acts on; to couple what the model keeps apart is a claim.
         """
-        remembers = _MEMORY.index(entry.signal.memory)
+        # the time is what everything hangs on that nothing else is known of
+        remembers = len(_MEMORY) if entry.signal.name == "time" else _MEMORY.index(entry.signal.memory)
         natural = self.is_natural(entry)
         known = entry.family in self._families
         return not self._is_near(entry), remembers > 0, not known, not natural, entry.kind != "add", remembers
 
     def _is_near(self, entry: Entry) -> bool:
-        return self.laws.computed_from(entry.signal.name) <= self.laws.acts_beside(entry.law)
+        return self.laws.computed_from(entry.signal.name) <= {*self.laws.acts_beside(entry.law), "time"}
 
     def _reads(self, law: str, signal: str) -> bool:
         """Whether a signal, under any of its names, stands in a law itself."""
@@ -241,14 +252,20 @@ class LawMap:
                 natural.setdefault((e.law, e.signal.name, e.signal.memory, e.kind), e)
         plain = [e for e in natural.values() if not e.signal.memory][:_NATURAL]
         memory = [e for e in natural.values() if e.signal.memory][:_REMEMBERING]
-        chosen, others = [*plain, *memory], []
-        for course in dict.fromkeys(e.driven for e in entries):  # gains along different courses do not compare
-            mine = [e for e in entries if e.driven == course]
-            leader = next((e for e in mine if not any(alike(e, c) for c in chosen)), None)
-            if leader is not None:
-                like = [e for e in mine if alike(leader, e) and e.curve.gain > _NEARLY * leader.curve.gain]
-                others.append(min(like, key=self.far_fetched))
-        return [*chosen, *others[:_OTHERS]]
+        chosen = [*plain, *memory]
+        most = len(chosen) + _OTHERS
+        # gains along different courses do not compare, so that they take turns
+        courses = {course: [e for e in entries if e.driven == course] for course in self.courses}
+        while len(chosen) < most:
+            before = len(chosen)
+            for mine in courses.values():
+                leader = next((e for e in mine if not any(alike(e, c) for c in chosen)), None)
+                if leader is not None:
+                    like = [e for e in mine if alike(leader, e) and e.curve.gain > _NEARLY * leader.curve.gain]
+                    chosen.append(min(like, key=self.far_fetched))
+            if len(chosen) == before:
+                break
+        return chosen[:most]
 
     def begins(self, entry: Entry) -> float:
         """What a lag remembers at first: the signal, as it is then."""
@@ -286,8 +303,6 @@ class LawMap:
     ) -> Iterator[Entry]:
         parts = course.parts
         value = [response.values[law] for _, _, response in parts]
-        if kind == "multiply" and law in self._constants:
-            return
         bases = {s: _basis(s, np.concatenate([one.begin for one in several])) for s, several in signals.items()}
         whole = {o: np.zeros((self._n, sum(len(b.knots) for b in bases.values()))) for o in self._outputs}
         for r, (run, _, response) in enumerate(parts):

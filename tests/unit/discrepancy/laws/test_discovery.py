@@ -94,6 +94,14 @@ def test_a_curve_and_what_the_model_has_are_the_plants_law(drag):
     assert whole[inner] == pytest.approx(truth[inner], abs=0.03 * np.abs(truth).max())
 
 
+def test_of_laws_that_do_the_same_each_is_multiplied(spring):
+    """A torque may be added anywhere in a balance, but a friction that grows with the angle is no other gravity."""
+    found = LawMap(search_of(spring[1]), spring[1].selection.base)
+    assert {"gravity", "friction", "acceleration"} in [set(laws) for laws in found.candidates.values()]
+    multiplied = {(e.law, e.signal.name) for e in found.entries() if e.kind == "multiply"}
+    assert {("gravity", "angle"), ("friction", "angle"), ("acceleration", "angle")} <= multiplied
+
+
 def test_it_is_confirmed_by_what_no_fit_has_seen(drag, spring):
     for _, diagnosis in (drag, spring):
         best = discover(diagnosis).corrections[0]
