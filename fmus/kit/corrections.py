@@ -56,14 +56,20 @@ class Of:
     @property
     def label(self) -> str:
         """For people."""
+        by = f" by {self.constant:.3g} s" if self.constant else ""
         words = {
-            "lagged": f" lagged by {self.constant:.3g} s",
-            "leading": f" less itself lagged by {self.constant:.3g} s",
-            "heat": f" squared, lagged by {self.constant:.3g} s",
+            "lagged": f" lagged{by}",
+            "leading": f" less itself lagged{by}",
+            "heat": f" squared, lagged{by}",
             "integrated": " integrated",
             "throughput": " integrated in modulus",
         }
         return self.name + words.get(self.memory, "")
+
+    @property
+    def words(self) -> str:
+        """The same without the constant, which is a parameter of what hangs on it."""
+        return replace(self, constant=0.0).label
 
     @property
     def unit_of_memory(self) -> str:
@@ -94,7 +100,7 @@ class _Function:
 
 def correction(
     component: type[Component], law: str, of: Of | tuple[Any, ...], shape: str | Sequence[float], unit: str = "1",
-    nominal: float = 1.0, kind: str = "add", values: Sequence[float] = (), fixed: bool = False,
+    nominal: float = 1.0, kind: str = "add", values: Sequence[float] = (), fixed: bool = False, number: int = 1,
 ) -> type[Effect]:  # fmt: skip
     """Let a law hang on a signal.
 
@@ -119,12 +125,14 @@ def correction(
         Of a table at its knots, in the unit of the law or, if multiplied, of unit 1; 0 unless given.
     fixed : bool
         Whether a table's values are constants rather than parameters.
+    number : int
+        Beside others of the same law, signal and memory, of which each has its own parameters.
 
     Returns
     -------
     type[Effect]
-        With a parameter that switches it, ``<law>_of_<signal>[_<memory>]``: the amount ``a``, of a table 1 for all of
-        it. Beside it, under that name, ``_width`` of a shape that has one, ``_at_<k>`` of a table's values,
+        With a parameter that switches it, ``<law>_of_<signal>[_<memory>][_<number>]``: the amount ``a``, of a table 1
+        for all of it. Beside it, under that name, ``_width`` of a shape that has one, ``_at_<k>`` of a table's values,
         ``_memory`` of what is remembered, ``_memory_constant`` of its lag.
 
     Raises
@@ -138,7 +146,8 @@ def correction(
     nominal = float(nominal)
     _check_choices(of, shape, kind, nominal)
     _check_laws(component, law, of)
-    own = f"{law}_of_{of.name}" + (f"_{of.memory}" if of.memory else "")
+    what = "_".join(filter(None, (of.name, of.memory, str(number) if number > 1 else "")))
+    own = f"{law}_of_{what}"
     memory = f"{own}_memory"
     size, wanted = (unit, nominal) if kind == "add" else ("1", 1.0)
     if isinstance(shape, str):
@@ -162,14 +171,13 @@ def correction(
 
     about = {
         "id": law,
-        "term": Term(law, of.label, function.text, family(law, of.name, of.memory),
-                     "_".join(filter(None, (of.name, of.memory)))),
+        "term": Term(law, of.words, function.text, family(law, of.name, of.memory), what),
         "neutral": own,
         "made_by": correction,
         # plain numbers, because a Python FMU writes them down
-        "made_with": (law, astuple(of), shape, unit, nominal, kind, values, fixed),
-        "assumption": f"{law} does not hang on {of.label}" + (" like this" if isinstance(shape, str) else ""),
-        "__doc__": f"{law} hangs on {of.label}: {function.text}, "
+        "made_with": (law, astuple(of), shape, unit, nominal, kind, values, fixed, number),
+        "assumption": f"{law} does not hang on {of.words}" + (" like this" if isinstance(shape, str) else ""),
+        "__doc__": f"{law} hangs on {of.words}: {function.text}, "
         + ("added." if kind == "add" else "multiplied with one and it."),
         "__module__": __name__,
         law: corrected,
@@ -190,7 +198,7 @@ def _shaped(law: str, of: Of, shape: str, own: str, size: str, wanted: float) ->
     chosen, width = SHAPES[shape], f"{own}_width"
     declared = {
         own: coefficient(per(size, of.unit_of_memory, chosen.power), wanted / of.scale**chosen.power,
-                         f"{chosen.text} in {law}, x being {of.label} (a)")
+                         f"{chosen.text} in {law}, x being {of.words} (a)")
     }  # fmt: skip
     if chosen.width:
         begin = chosen.width * of.scale
@@ -198,7 +206,7 @@ def _shaped(law: str, of: Of, shape: str, own: str, size: str, wanted: float) ->
         least = -ANY * of.scale if chosen.power else 1e-9 * of.scale
         declared[width] = Parameter(
             begin, of.unit_of_memory, min=least, max=1e3 * of.scale, nominal=begin,
-            doc=f"{of.label} at which {law} bends (w)",
+            doc=f"{of.words} at which {law} bends (w)",
         )  # fmt: skip
 
     def value(self: Any, x: Any) -> Any:
@@ -213,10 +221,10 @@ def _tabulated(
     """A table of knots and values, of unit ``size`` and of typical magnitude ``wanted``."""
     knots, given = points
     names = [] if fixed else [f"{own}_at_{k}" for k in range(len(knots))]
-    how_much = f"how much of the table of {of.label} {law} has; 0 is without"
+    how_much = f"how much of the table of {of.words} {law} has; 0 is without"
     declared = {own: Parameter(0.0, "1", min=-ANY, max=ANY, doc=how_much)}
     for name, x, y in zip(names, knots, given, strict=False):  # no names of what is fixed
-        text = f"{law} has so much more at {of.label} = {x:g}"
+        text = f"{law} has so much more at {of.words} = {x:g}"
         declared[name] = Parameter(y, size, min=-ANY * wanted, max=ANY * wanted, nominal=wanted, doc=text)
 
     def value(self: Any, x: Any) -> Any:
@@ -239,7 +247,7 @@ def _remembering(law: str, of: Of, memory: str, now: Callable[[Any], Any]) -> di
         return absolute(x) if of.memory == "throughput" else x
 
     state = State(
-        of.unit_of_memory, rate=rate, start=of.start, nominal=of.scale, doc=f"{of.label}, on which {law} hangs"
+        of.unit_of_memory, rate=rate, start=of.start, nominal=of.scale, doc=f"{of.words}, on which {law} hangs"
     )
     if of.memory not in _LAGS:
         return {memory: state, rate: integral}

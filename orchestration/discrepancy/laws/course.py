@@ -104,7 +104,7 @@ def follow(search: Search, base: FittedCandidate, laws: PerturbedLaws, law: str)
         courses, step, _ = smoothed(plant.wanted(course, here), law, plant.noise, plant.precision, stirred)
         for (run, _, _), one in zip(here.parts, courses, strict=True):
             target[run.samples] = one
-        q = plant.within(here.q + np.clip(step, -1.0, 1.0))
+        q = plant.within(here.q + step)
         following = plant.towards(course, here, target, q)
         if following is None:
             break

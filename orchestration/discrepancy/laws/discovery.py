@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,10 @@ from fmus.kit import Component
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData, is_at_rest
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.laws.fitting import FittedEntry, Fitting
-from orchestration.discrepancy.laws.map import Entry, LawMap, alike
+from orchestration.discrepancy.laws.band import Band
+from orchestration.discrepancy.laws.entry import Entry, alike
+from orchestration.discrepancy.laws.fitting import RELAXATIONS, FittedEntry, Fitting
+from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome, score
@@ -22,11 +25,10 @@ from orchestration.fmu.effects import catalogue, families
 from orchestration.records.joined import base_name
 
 Array = NDArray[np.float64]
-_TOLD, _MAPPED = 6, 3  # corrections that are fitted to the end: by their first fits, and by the map
+_TOLD, _MAPPED = 6, 3  # curves that are fitted to the end: by their first fits, and by the map
 _NEAR = 0.5  # of the fall of the best, which a correction that is told must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
 _ABOUT = 0.05  # of what the best gains, likewise: no curve, and no lag, is quite the plant's
-_SURE = 1.96  # standard deviations of a band
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,11 @@ class Correction:
         return self.fitted.entry
 
     @property
+    def relaxation(self) -> bool:
+        """Whether a law follows a signal behind a lag, in proportion."""
+        return self.shape == "linear" and self.entry.signal.memory in RELAXATIONS
+
+    @property
     def confirmed(self) -> bool:
         """Whether unseen data are surely likelier with it, and simulated no worse on the whole.
 
@@ -84,10 +91,11 @@ class Correction:
 
     def band_at(self, x: Array) -> tuple[Array, Array, Array]:
         """Curve, and the ends of its 95 % band, at values (v,) of the signal, in the unit of the law."""
-        columns, curve = self.entry.basis(x), self.fitted.curve
-        variance = np.einsum("vk,kl,vl->v", columns, curve.covariance, columns)
-        values, spread = columns @ curve.values, _SURE * np.sqrt(np.clip(variance, 0.0, None))
-        return values, values - spread, values + spread
+        return self._band(x)
+
+    @cached_property
+    def _band(self) -> Band:
+        return Band(self.entry.basis, self.fitted.curve)
 
 
 @dataclass(frozen=True)
@@ -112,7 +120,9 @@ class LawMapResult:
     corrections: list[Correction]
 
 
-def discover(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> LawMapResult:
+def discover(
+    diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None, again: Entry | None = None
+) -> LawMapResult:
     """Ask every law of a diagnosed model, with the causes that were named, what it lacks.
 
     Parameters
@@ -120,25 +130,28 @@ def discover(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text
     diagnosis : Diagnosis
     progress : callable
         Told what is being done.
+    again : Entry, optional
+        A law over a signal and its memory; nothing else is asked then.
     """
     base = diagnosis.selection.best
     search = search_of(diagnosis, progress)
     progress("asking every law what it lacks")
     found = LawMap(search, base, _families(base.candidate.cls))
-    entries = found.entries()
-    chosen = found.worth_a_fit([e for e in entries if e.curve.gain > found.chance])
+    entries = [e for e in found.entries() if again is None or e.what == again.what]
+    telling = [e for e in entries if e.curve.gain > found.chance]
+    chosen = found.plausible.worth_a_fit(telling) if again is None else telling
     progress(f"fitting {len(chosen)} corrections of laws")
     fitting, below = Fitting(search, base, found), base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
     fitted = _fitted(fitting, chosen, below)
     as_good = _as_good(found, fitted, below)
     good = [one.entry for one in as_good]
-    worse = [entry for entry in chosen if all(_what(entry) != _what(other) for other in good)]
+    worse = [entry for entry in chosen if entry.what not in {other.what for other in good}]
     corrections: list[Correction] = []
     for one in [*as_good, *fitted[len(as_good) :]]:
         best = one if corrections else fitting.bent(one)
         shapes = [] if corrections else fitting.shapes(best)
         shape, model = _nearest(shapes, best) or ("", fitting.tabulated(best))
-        if model is None:
+        if model is None or any(one.entry.what == other.entry.what for other in corrections):
             continue
         gain = below - (model.fit.bic if shape else best.criterion)
         above = tuple((name, shaped.fit.bic - best.criterion) for name, shaped in shapes)
@@ -154,11 +167,13 @@ def _families(cls: type[Component]) -> set[str]:
 
 
 def _fitted(fitting: Fitting, chosen: Sequence[Entry], below: float) -> list[FittedEntry]:
-    """Entries that make a record likelier than it is below, the best first; only those that come near are settled."""
+    """Entries that make a record likelier than it is below, the best first; only curves that come near are settled."""
     first = sorted(filter(None, side_by_side(fitting.first, chosen)), key=lambda one: one.criterion)
+    curves = [one for one in first if one.table is not None]
     # a fit from afar may need more than its first steps, and the map knows
-    mapped = sorted(first[_TOLD:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
-    settled = sorted(side_by_side(fitting.settled, [*first[:_TOLD], *mapped]), key=lambda one: one.criterion)
+    mapped = sorted(curves[_TOLD:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
+    ended = [*(one for one in first if one.table is None), *side_by_side(fitting.settled, [*curves[:_TOLD], *mapped])]
+    settled = sorted(ended, key=lambda one: one.criterion)
     return [one for one in settled if below - one.criterion > max(_NEAR * (below - settled[0].criterion), 0.0)]
 
 
@@ -167,7 +182,9 @@ def _as_good(found: LawMap, fitted: Sequence[FittedEntry], below: float) -> list
     if not fitted:
         return []
     limit = fitted[0].criterion + _within(below - fitted[0].criterion)
-    return sorted((one for one in fitted if one.criterion <= limit), key=lambda one: found.far_fetched(one.entry))
+    return sorted(
+        (one for one in fitted if one.criterion <= limit), key=lambda one: found.plausible.far_fetched(one.entry)
+    )
 
 
 def _within(gain: float) -> float:
@@ -183,21 +200,16 @@ def _not_told_apart(
     What couples things that the model keeps apart is not among them, unless the entry does too, nor what does rather
     the same as another that was fitted and is worse.
     """
-    least, far = entry.curve.gain - _within(entry.curve.gain), found.far_fetched(entry)[0]
+    least, far = entry.curve.gain - _within(entry.curve.gain), found.plausible.far_fetched(entry)[0]
     same = [
         e
         for e in entries
-        if alike(e, entry) and e.curve.gain >= least and found.far_fetched(e)[0] <= far
+        if alike(e, entry) and e.curve.gain >= least and found.plausible.far_fetched(e)[0] <= far
         and not any(_nearer(e, other, entry) for other in others)
     ]  # fmt: skip
-    several = {_what(e)[:3]: e for e in (*same[::-1], *as_good[::-1])}
-    several.pop(_what(entry)[:3], None)
+    several = {e.what[:3]: e for e in (*same[::-1], *as_good[::-1])}
+    several.pop(entry.what[:3], None)
     return tuple(list(several.values())[::-1])
-
-
-def _what(entry: Entry) -> tuple[str, ...]:
-    """Law, signal, memory and kind, whatever the lag."""
-    return entry.law, entry.signal.name, entry.signal.memory, entry.kind
 
 
 def _nearer(entry: Entry, one: Entry, other: Entry) -> bool:

@@ -1,7 +1,7 @@
 """Evidence for a curve in a model that is linear in it: a Gaussian process over the signal, integrated out.
 
-The straight part of a curve, and a step at zero, have the information of one sample as their prior, so that they count
-as in BIC; what bends is an integrated Wiener process (Wahba, JRSS B 40, 1978), whose size is the likeliest one (Kass,
+The straight part of a curve, and a step at zero, may be anything and have the price of BIC, the logarithm of the
+samples; what bends is an integrated Wiener process (Wahba, JRSS B 40, 1978), whose size is the likeliest one (Kass,
 Raftery, JASA 90, 1995). What the parameters of the model can do is no part of a curve.
 """
 
@@ -22,6 +22,7 @@ _NEAR = 0.005  # of the range, within which a curve may step at zero
 _SIZES = np.geomspace(1e-2, 1e8, 11)  # of the bending part, as precision of the data over that of the prior
 _OWN = 1e-3  # share that the model's parameters leave of a constant, slope or step, below which it is theirs
 _FEWEST = 4  # knots, above which there may be a step
+_FLAT = 1e4  # times that of one sample, the variance of what may be anything: a strong effect costs no more than a weak
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class Basis:
         shares = np.linspace(0.0, 1.0, count)
         low, high = several[0], several[-1]
         knots = 0.5 * (low + shares * (high - low) + np.quantile(values, shares))
+        knots[[0, -1]] = low, high  # whatever was rounded
         near = _NEAR * (high - low)
         if stepped and low < -near and high > near:
             knots = np.concatenate([knots[np.abs(knots) > 2.0 * near], [-near, 0.0, near]])
@@ -108,17 +110,51 @@ class Basis:
     @cached_property
     def bending(self) -> Array:
         """Covariance (k, k) of an integrated Wiener process, less its straight part, with a mean variance of 1."""
-        s, t = np.meshgrid(self._unit, self._unit)
-        low, high = np.minimum(s, t), np.maximum(s, t)
+        return np.asarray(self._process / self._power)
+
+    def left_between(self, values: Array) -> Array:
+        """Covariance of what such a process does beside the curve through its values at the knots.
+
+        Parameters
+        ----------
+        values : ndarray, shape (v,)
+            Of the signal.
+
+        Returns
+        -------
+        ndarray, shape (v, v)
+            Beside that of `bending`.
+        """
+        knots, there, columns = self._unit, self._relative(values), self(values)
+        across = columns @ _wiener(knots, there)
+        left = _wiener(there, there) - across - across.T + columns @ _wiener(knots, knots) @ columns.T
+        return np.asarray(left / self._power)
+
+    @cached_property
+    def _process(self) -> Array:
         straight = self.plain[0]
-        project = np.eye(len(s)) - straight @ np.linalg.pinv(straight)
-        kernel = project @ (low**2 * (3.0 * high - low) / 6.0) @ project.T
-        return np.asarray(kernel / max(float(np.trace(kernel)) / len(s), 1e-300))
+        project = np.eye(len(straight)) - straight @ np.linalg.pinv(straight)
+        return np.asarray(project @ _wiener(self._unit, self._unit) @ project.T)
+
+    @property
+    def _power(self) -> float:
+        return max(float(np.trace(self._process)) / len(self.knots), 1e-300)
 
     @property
     def _unit(self) -> Array:
         """Knots from 0 to 1."""
-        return np.asarray((self.knots - self.knots[0]) / (self.knots[-1] - self.knots[0]))
+        return self._relative(self.knots)
+
+    def _relative(self, values: Array) -> Array:
+        """Where values are between the ends; beyond these a curve is straight."""
+        first, last = self.knots[0], self.knots[-1]
+        return np.asarray((np.clip(values, first, last) - first) / (last - first))
+
+
+def _wiener(one: Array, other: Array) -> Array:
+    """Covariance (a, b) of an integrated Wiener process between times (a,) and (b,)."""
+    low, high = np.minimum(one[:, None], other), np.maximum(one[:, None], other)
+    return np.asarray(low**2 * (3.0 * high - low) / 6.0)
 
 
 @dataclass(frozen=True)
@@ -138,6 +174,8 @@ class Curve:
         Covariance that the values were expected to have.
     complexity : float
         By how much the gain is less than what the curve explains: the price of being able to bend so far.
+    bending : float
+        Mean variance at the knots that what bends was expected to have.
     """
 
     gain: float
@@ -145,6 +183,7 @@ class Curve:
     covariance: Array
     prior: Array
     complexity: float
+    bending: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,10 +219,11 @@ class Columns:
         -------
         Curve
         """
-        covariances, priors, prices = self._choices
+        covariances, priors, prices, sizes = self._choices
         gains = np.einsum("i,cij,j->c", score, covariances, score) - prices
         k = int(np.argmax(gains))
-        return Curve(float(gains[k]), covariances[k] @ score, covariances[k], priors[k], float(prices[k]))
+        values = covariances[k] @ score
+        return Curve(float(gains[k]), values, covariances[k], priors[k], float(prices[k]), float(sizes[k]))
 
     def by_chance(self, scores: Array) -> Array:
         """Tell what the likeliest curves gain where there is mere noise.
@@ -197,27 +237,29 @@ class Columns:
         -------
         ndarray, shape (b,)
         """
-        covariances, _, prices = self._choices
+        covariances, _, prices, _ = self._choices
         explained = np.sum(scores * (covariances @ scores), axis=1)
         return np.asarray((explained - prices[:, None]).max(axis=0))
 
     @cached_property
-    def _choices(self) -> tuple[Array, Array, Array]:
-        """Covariances after and before (c, k, k), and prices, of all sizes of what bends, without and with a step."""
+    def _choices(self) -> tuple[Array, Array, Array, Array]:
+        """Covariances after and before (c, k, k), prices, and sizes of what bends, without and with a step."""
         bending = self.basis.bending
         power = float(np.trace(self.free @ bending)) / len(bending)
         sizes = np.append(0.0, _SIZES / power if len(bending) > 2 and power > 0.0 else ())
-        priors = np.concatenate([self._prior(part) + sizes[:, None, None] * bending for part in self.basis.plain])
+        plain, free = zip(*map(self._prior, self.basis.plain), strict=True)
+        priors = np.concatenate([part + sizes[:, None, None] * bending for part in plain])
         inner = np.eye(len(bending)) + self.free @ priors
-        paid = np.tile(np.where(sizes > 0.0, np.log(self.samples), 0.0), len(self.basis.plain))
+        paid = np.tile(np.where(sizes > 0.0, np.log(self.samples), 0.0), len(plain))
+        paid -= np.repeat(free, len(sizes)) * np.log(_FLAT)
         covariances = np.linalg.solve(inner.swapaxes(1, 2), priors).swapaxes(1, 2)
-        return covariances, priors, np.linalg.slogdet(inner)[1] + paid
+        return covariances, priors, np.linalg.slogdet(inner)[1] + paid, np.tile(sizes, len(plain))
 
-    def _prior(self, part: Array) -> Array:
-        """Covariance (k, k) with the information of one sample, along what is not the model's own."""
+    def _prior(self, part: Array) -> tuple[Array, int]:
+        """Covariance (k, k) with next to no information, along what is not the model's own, and how much that is."""
         free, alone = (part.T @ each @ part for each in (self.free, self.alone))
         alone += (1e-12 * np.trace(alone) + 1e-300) * np.eye(len(alone))
         share, axes = eigh(free, alone)
         seen = share > _OWN
-        root = (part @ axes[:, seen]) * np.sqrt(self.samples / share[seen])
-        return np.asarray(root @ root.T)
+        root = (part @ axes[:, seen]) * np.sqrt(_FLAT * self.samples / share[seen])
+        return np.asarray(root @ root.T), int(seen.sum())

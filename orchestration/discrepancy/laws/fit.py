@@ -19,9 +19,9 @@ from orchestration.identify.noise.model import Noise, Whitening
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
-_ROUNDS = 2  # of choosing noise and roughness anew, and fitting on
-_ROUGHLY, _SETTLED = 1e-3, 1e-6  # fall of the cost, relative, that ends a fit
-_TRIALS = 20
+_ROUNDS, _FALL = 8, 2.0  # of choosing noise and roughness anew and fitting on, while the criterion falls by so much
+# fall of the cost, relative, that ends a fit, and points that it tries at most
+_ROUGHLY, _SETTLED = (1e-3, 20), (1e-6, 200)
 
 
 @dataclass(frozen=True)
@@ -118,16 +118,20 @@ class CurveFit:
     def settled(self, fitted: FittedCurve) -> FittedCurve:
         """Fit on from there, in the noise and with the roughness that the fit itself asks for."""
         for _ in range(_ROUNDS):
-            whitening = Whitening.of(fitted.noise, fitted.residual, self.problem.present)
-            curve = self._weighed(whitening(fitted.residual), whitening(self.problem.evaluate(fitted.q)[1]), fitted.q)
-            fitted = self._fitted(fitted.q, whitening, curve, _SETTLED)
+            before = fitted
+            whitening = Whitening.of(before.noise, before.residual, self.problem.present)
+            curve = self._weighed(whitening(before.residual), whitening(self.problem.evaluate(before.q)[1]), before.q)
+            fitted = self._fitted(before.q, whitening, curve, _SETTLED)
+            if fitted.criterion > before.criterion - _FALL:
+                fitted = min(fitted, before, key=lambda one: one.criterion)
+                break
         self.problem.forget()
         return fitted
 
-    def _fitted(self, q: Array, whitening: Whitening, curve: Curve, tolerance: float) -> FittedCurve:
+    def _fitted(self, q: Array, whitening: Whitening, curve: Curve, effort: tuple[float, int]) -> FittedCurve:
         """Fit from a point, with the roughness that a curve expects."""
         problem = self.problem
-        q, rough = self._minimised(q, whitening, _root(curve.prior), tolerance)
+        q, rough = self._minimised(q, whitening, _root(curve.prior), effort)
         error, jacobian = problem.evaluate(q)
         noise = dict(problem.noise(error))
         now = Whitening.of(noise, error, problem.present)
@@ -157,9 +161,11 @@ class CurveFit:
         alone, columns = columns, columns - own @ (own.T @ columns)
         wanted = error - own @ (own.T @ error) + columns @ (q[self._own :] * self._size)
         products = Columns(self.basis, columns.T @ columns, alone.T @ alone, len(error))
+        if not np.isfinite(products.alone).all():
+            raise UserError("the model runs away: the square of what the curve does to it is no number")
         return products.best(columns.T @ wanted)
 
-    def _minimised(self, q: Array, whitening: Whitening, root: Array, tolerance: float) -> tuple[Array, float]:
+    def _minimised(self, q: Array, whitening: Whitening, root: Array, effort: tuple[float, int]) -> tuple[Array, float]:
         """Least squares with the prior, the curve being the root times as many coordinates of unit size."""
         problem, own, base = self.problem, self._own, self._base
         weight = np.sqrt(self._precision)
@@ -181,7 +187,7 @@ class CurveFit:
         begin = np.concatenate([q[:own], np.linalg.lstsq(root, q[own:] * self._size, rcond=None)[0]])
         far = np.full(root.shape[1], np.inf)
         bounds = np.append(low[:own], -far), np.append(high[:own], far)
-        end = minimise(residual, jacobian, begin, *bounds, tolerance, _TRIALS)
+        end = minimise(residual, jacobian, begin, *bounds, *effort)
         return whole(end.q), float(end.q[own:] @ end.q[own:])
 
 

@@ -1,9 +1,10 @@
-"""Corrections of laws fitted in their model: what is remembered in proportion, what is not as a curve; and shapes."""
+"""Corrections of laws fitted in their model: what is behind a lag in proportion, what is not as a curve; and shapes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +15,20 @@ from fmus.kit.errors import UserError
 from fmus.kit.symbolic.families import laws_of
 from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.laws.entry import Entry
 from orchestration.discrepancy.laws.evidence import Curve
 from orchestration.discrepancy.laws.fit import CurveFit, FittedCurve
-from orchestration.discrepancy.laws.map import Entry, LawMap
-from orchestration.discrepancy.laws.shapes import called, likenesses
+from orchestration.discrepancy.laws.map import LawMap
+from orchestration.discrepancy.laws.shapes import Likeness, called, likenesses
+from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.search import FAILURES, Search
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 _MOST = 50.0  # fall of the criterion per sample
 _PATIENCE = 6.0  # internal steps, over those of other effects
 _SHAPES = 5  # that are fitted in the model
+RELAXATIONS = "lagged", "leading"  # memories that stay in proportion: what seems to bend there is another relaxation
 
 
 @dataclass(frozen=True)
@@ -75,55 +80,37 @@ class Fitting:
         self._is_moving = any(name in search.base.layout.start_parameters for name in search.parameters)
 
     def first(self, entry: Entry) -> FittedEntry | None:
-        """Fit roughly: what is remembered in proportion, which is a relaxation or a growth; what is not as a curve.
+        """Fit roughly: what is behind a lag in proportion, which is a relaxation; everything else as a curve.
 
         None if the model cannot be simulated with it.
         """
-        try:
-            with np.errstate(all="ignore"):  # a simulation may run away
-                found = self._in_proportion(entry) if entry.signal.memory else self._as_curve(entry)
-        except FAILURES:
-            return None
+        found = _or_none(lambda: self._in_proportion(entry) if entry.signal.constant else self._as_curve(entry))
         # a simulation that ran away leaves figures that are none
-        return found if self._base.fit.bic - found.criterion < _MOST * self._base.fit.samples else None
+        return found if found and self._base.fit.bic - found.criterion < _MOST * self._base.fit.samples else None
 
     def settled(self, one: FittedEntry) -> FittedEntry:
         """Fit a curve on, in its own noise and as rough as it asks for; what is in proportion is settled."""
-        if one.fit is None or one.table is None:
+        fit, table = one.fit, one.table
+        if fit is None or table is None:
             return one
-        try:
-            with np.errstate(all="ignore"):
-                return _of_table(one.entry, one.fit, one.fit.settled(one.table))
-        except FAILURES:
-            return one
+        return _or_none(lambda: _of_table(one.entry, fit, fit.settled(table))) or one
 
     def bent(self, one: FittedEntry) -> FittedEntry:
-        """The same as a curve, if it was in proportion and a curve is likelier."""
-        if one.straight is None:
+        """The same as a curve, if it was in proportion, may bend, and a curve is likelier."""
+        if one.straight is None or one.entry.signal.memory in RELAXATIONS:
             return one
-        try:
-            with np.errstate(all="ignore"):
-                other = self.settled(self._as_curve(one.entry))
-        except FAILURES:
-            return one
-        return other if other.criterion < one.criterion else one
-
-    def shape(self, one: FittedEntry, name: str, amount: float, width: float) -> FittedCandidate | None:
-        """A shape in its place, from an amount and a width; None if the model cannot be simulated with it."""
-        effect = self.effect(one.entry, name)
-        start = _own(one, effect) | {effect.neutral: amount}
-        try:
-            with np.errstate(all="ignore"):
-                return self._fitted(effect, start | ({f"{effect.neutral}_width": width} if width else {}))
-        except FAILURES:
-            return None
+        other = _or_none(lambda: self.settled(self._as_curve(one.entry)))
+        return other if other and other.criterion < one.criterion else one
 
     def shapes(self, one: FittedEntry) -> list[tuple[str, FittedCandidate]]:
         """Shapes that come near it, fitted in the model, the best first."""
-        near = likenesses(one.entry.basis, one.curve, self.signal(one.entry).scale)[:_SHAPES]
-        tried = [self.shape(one, like.shape, like.amount, like.width) for like in near]
-        fitted = [(like.shape, model) for like, model in zip(near, tried, strict=True) if model is not None]
-        fitted += [("linear", one.straight)] if one.straight is not None else []
+        known = {"linear": one.straight} if one.straight else {}
+        if one.straight is not None and one.entry.signal.memory in RELAXATIONS:
+            return [("linear", one.straight)]
+        near = [like for like in likenesses(one.entry.basis, one.curve, self.signal(one.entry).scale)
+                if like.shape not in known][:_SHAPES]  # fmt: skip
+        tried = side_by_side(lambda like: _or_none(lambda: self._shaped(one, like)), near)
+        fitted = [*known.items(), *((like.shape, model) for like, model in zip(near, tried, strict=True) if model)]
         several: dict[str, FittedCandidate] = {}
         for shape, model in sorted(fitted, key=lambda pair: pair[1].fit.bic):
             width = model.fit.values.get(f"{model.effect.neutral}_width", 0.0)
@@ -138,10 +125,7 @@ class Fitting:
         if one.straight is not None:
             return one.straight
         effect = self.effect(one.entry, values=[float(y) for y in one.curve.values], fixed=True)
-        try:
-            return self._fitted(effect, _own(one, effect) | {effect.neutral: 1.0})
-        except FAILURES:
-            return None
+        return _or_none(lambda: self._fitted(effect, _own(one, effect) | {effect.neutral: 1.0}))
 
     def effect(self, entry: Entry, shape: Any = None, **more: Any) -> type[Effect]:
         """Make the effect of an entry: a table over its knots unless it has a shape."""
@@ -149,6 +133,7 @@ class Fitting:
         size = float(np.abs(entry.curve.values).max()) or 1.0
         knots = [float(x) for x in entry.basis.knots]
         unit = unit_of(cls, entry.law)
+        more["number"] = self._number(entry)
         return correction(cls, entry.law, self.signal(entry), shape or knots, unit, size, entry.kind, **more)
 
     def signal(self, entry: Entry) -> Of:
@@ -156,6 +141,17 @@ class Fitting:
         signal, unit = entry.signal, unit_of(self._base.candidate.cls, entry.signal.name)
         scale = float(np.abs(entry.basis.knots).max()) or 1.0
         return Of(signal.name, signal.memory, signal.constant, unit, scale, self._found.begins(entry))
+
+    def _number(self, entry: Entry) -> int:
+        """One, or where the model remembers the signal in the law already, one more: every lag has its own constant."""
+        beside = [e.term.family for e in self._base.candidate.effects] if entry.signal.memory else []
+        return 1 + beside.count(entry.family)
+
+    def _shaped(self, one: FittedEntry, like: Likeness) -> FittedCandidate:
+        """A shape in its place."""
+        effect = self.effect(one.entry, like.shape)
+        start = _own(one, effect) | {effect.neutral: like.amount}
+        return self._fitted(effect, start | ({f"{effect.neutral}_width": like.width} if like.width else {}))
 
     def _as_curve(self, entry: Entry) -> FittedEntry:
         found, base = self._found, self._base
@@ -186,6 +182,15 @@ class Fitting:
         fitted = self._search.fit_from(candidate, base, {**self._search.fixed, **base.fit.values, **start})
         fitted.problem.forget()
         return fitted
+
+
+def _or_none(work: Callable[[], T]) -> T | None:
+    """What a fit gives, or None if the model cannot be simulated; a simulation may run away."""
+    try:
+        with np.errstate(all="ignore"):
+            return work()
+    except FAILURES:
+        return None
 
 
 def _of_table(entry: Entry, fit: CurveFit, table: FittedCurve) -> FittedEntry:

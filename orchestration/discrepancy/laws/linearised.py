@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from orchestration.discrepancy.laws.course import FreeCourse
 from orchestration.discrepancy.laws.evidence import Curve
 from orchestration.identify.noise.model import Noise, Whitening
 
 Array = NDArray[np.float64]
-_FARTHEST = 1.0  # that a parameter may move beside a correction, in its logarithm
+LEAST, MOST = -0.9, 20.0  # that a parameter may move beside a correction, relative to it
 _DRAWS, _SEED = 39, 14  # of noise, by which is told what the best of so many entries gains by chance
 
 
@@ -38,7 +39,8 @@ class LinearisedRecord:
         self._back[kept] = (right[seen].T / strength[seen]) @ self._own.T / sizes[kept, None]
         self._whole, self._slopes = self._whitened(residual), columns
         # how far a parameter of the model may go: what a course makes of its trace is not what is there without
-        self._farthest = np.where(prior > 0.0, _FARTHEST, np.inf)
+        self._prior = prior
+        self._least, self._most = np.where(prior > 0.0, LEAST, -np.inf), np.where(prior > 0.0, MOST, np.inf)
         self.residual = self.free(self._whole)
         self.samples = len(self.residual)
         self.noise = np.random.default_rng(_SEED).normal(size=(self.samples, _DRAWS))
@@ -54,15 +56,26 @@ class LinearisedRecord:
             What its hat functions do to the whitened outputs.
         """
         would = -self._back @ (self._whole - columns @ curve.values)
-        step = np.clip(would, -self._farthest, self._farthest)
+        step = np.clip(would, self._least, self._most)
         if not np.array_equal(step, would):
-            # with the step as far as it may go the curve is another one
-            wanted = columns.T @ (self._whole + self._slopes @ step)
-            inner = np.eye(len(wanted)) + columns.T @ columns @ curve.prior
-            curve = replace(curve, values=curve.prior @ np.linalg.solve(inner, wanted))
+            curve, step = self._bounded(curve, columns)
         left = self._whole - columns @ curve.values + self._slopes @ step
         fall = float(self.residual @ self.residual - left @ left)
         return replace(curve, gain=min(curve.gain, fall - curve.complexity)), step
+
+    def _bounded(self, curve: Curve, columns: Array) -> tuple[Curve, Array]:
+        """With steps as far as they may go the curve is another one, and so are the other steps."""
+        values, axes = np.linalg.eigh(curve.prior)
+        root = axes * np.sqrt(np.clip(values, 0.0, None))
+        count = len(self._least)
+        rows = np.hstack([self._slopes, -columns @ root])
+        known = np.diag(np.append(np.sqrt(self._prior), np.ones(len(root))))
+        sizes = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+        q, r = np.linalg.qr(np.vstack([rows, known]) / sizes)
+        free = np.full(len(root), np.inf)
+        ends = (np.append(end, far) * sizes for end, far in ((self._least, -free), (self._most, free)))
+        found = lsq_linear(r, -q[: len(rows)].T @ self._whole, tuple(ends), method="bvls").x / sizes
+        return replace(curve, values=root @ found[count:]), found[:count]
 
     def own(self, columns: Array) -> Array:
         """What parameters can do of columns, in coordinates of its own."""

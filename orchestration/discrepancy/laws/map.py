@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.corrections import MEMORIES, family
+from fmus.kit.corrections import MEMORIES, correction, family
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.laws.course import FreeCourse, follow
-from orchestration.discrepancy.laws.evidence import FEW, Basis, Columns, Curve
-from orchestration.discrepancy.laws.linearised import LinearisedRecord
+from orchestration.discrepancy.laws.entry import Entry
+from orchestration.discrepancy.laws.evidence import FEW, Basis, Columns
+from orchestration.discrepancy.laws.linearised import LEAST, MOST, LinearisedRecord
+from orchestration.discrepancy.laws.plausible import Plausible
 from orchestration.discrepancy.laws.response import Course, LinearResponse, Sides, responses_of_runs
 from orchestration.discrepancy.laws.signals import Signal, is_new, of, plain, remembered
 from orchestration.discrepancy.parallel import side_by_side
@@ -22,62 +23,11 @@ from orchestration.identify.noise.model import Noise, estimate
 from orchestration.records.joined import Run
 
 Array = NDArray[np.float64]
-_MEMORIES = {"add": MEMORIES, "multiply": ("", "lagged", "throughput")}  # of signals, by kind of correction
-_MEMORY = ("", "leading", "lagged", "integrated", "throughput", "heat")  # the plainest first
+_MEMORIES = {"add": MEMORIES, "multiply": ("", "lagged", "heat", "throughput")}  # of signals, by kind of correction
 _QUANTILES = np.linspace(0.0, 1.0, 101)
 _AT_ONCE = 48  # signals whose columns are in memory together
-_NATURAL, _REMEMBERING, _OTHERS = 8, 8, 6  # entries that are fitted: of signals that the law hangs on, and others
 _STILL = 1e-9  # of its size, within which a law is a constant
 _SURE = 0.95  # share of records without anything hidden in which no entry gains more
-_NEARLY = 0.95  # of the gain of the best of its like, which a correction that is nearer to the model must have
-_ALIKE = 0.99  # correlation of what two corrections do, above which a record cannot tell them apart
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A correction of a law by a curve of a signal.
-
-    Attributes
-    ----------
-    driven : str
-        Law whose free course it was found along, which does the same to the outputs.
-    law : str
-    signal : Signal
-    kind : {"add", "multiply"}
-    basis : Basis
-    curve : Curve
-    direction : ndarray, shape (m,)
-        What it does to the whitened outputs, of unit length.
-    step : ndarray, shape (p,)
-        Of the model's own searched coordinates, beside the free course.
-    visited : ndarray, shape (v,)
-        Quantiles of the signal, evenly spaced: where the record has been.
-    """
-
-    driven: str
-    law: str
-    signal: Signal
-    kind: str
-    basis: Basis
-    curve: Curve
-    direction: Array
-    step: Array
-    visited: Array
-
-    @property
-    def family(self) -> str:
-        """The same as that of an effect of this law and signal."""
-        return family(self.law, self.signal.name, self.signal.memory)
-
-    @property
-    def label(self) -> str:
-        """For people."""
-        return f"{self.law}{' x' if self.kind == 'multiply' else ''} over {self.signal.label}"
-
-
-def alike(one: Entry, other: Entry) -> bool:
-    """Whether a record cannot tell two corrections apart: they do the same to the outputs."""
-    return abs(float(one.direction @ other.direction)) >= _ALIKE
 
 
 def _is_constant(values: Array) -> bool:
@@ -111,6 +61,10 @@ class LawMap:
     def __init__(self, search: Search, fitted: FittedCandidate, families: Collection[str] = ()):
         self._search, self._fitted, problem = search, fitted, fitted.problem
         self._families = set(families)
+        # of corrections that the model has already: what they remember, and what they are curves of
+        corrections = [e for e in fitted.candidate.effects if getattr(e, "made_by", None) is correction]
+        self._memories = {name for e in corrections for state in e.layout.states for name in (state.name, state.rate)}
+        self._corrected = {(e.term.law, e.term.qualifier) for e in corrections}
         values = problem.start | problem.values(fitted.fit.q)
         ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
         self.laws = PerturbedLaws(fitted.candidate.cls)
@@ -121,12 +75,13 @@ class LawMap:
             self._outputs,
         )  # fmt: skip
         self.candidates = self._different_laws(parts)
-        self._other_names = _other_names(parts)
+        others = _other_names(parts)
         self._constants = {
             law for law in self.laws.names if all(_is_constant(r.values[law].begin) for _, _, r in parts)
         }
+        self.plausible = Plausible(self.laws, self._constants, others, self._families)
         rates = {state.rate for state in self.laws.graph.layout.states}
-        self._rates = rates | {s for s, names in self._other_names.items() if rates & {*names}}
+        self._rates = rates | {s for s, names in others.items() if rates & {*names}}
         laws = list(self.candidates)
         self.courses = dict(
             zip(laws, side_by_side(lambda law: follow(search, fitted, self.laws, law), laws), strict=True)
@@ -137,7 +92,7 @@ class LawMap:
         found: dict[str, list[str]] = {}
         shapes: dict[str, Array] = {}
         for law in self.laws.names:
-            if self.laws.is_definition(law):
+            if self.laws.is_definition(law) or law in self._memories:
                 continue
             whole = np.concatenate([p.ravel() for _, _, r in parts for p in r.effect_of(law)])
             size = np.linalg.norm(whole)
@@ -157,15 +112,21 @@ class LawMap:
         }
 
     def signals_of(self, course: FreeCourse) -> dict[Signal, list[Sides]]:
-        """What tells different things in the longest run, by runs."""
+        """What moves in the longest run, and of what is remembered of it what tells something else, by runs.
+
+        Signals that run in proportion in this record are all kept: a law is likelier to hang on one than on another.
+        """
         _, longest, response = max(course.parts, key=lambda part: len(part[1].time))
         outputs = {o.name for o in self.laws.graph.layout.outputs}
         # what is computed from one signal alone tells what that one tells
-        passed_over = outputs | {law for law in response.values if len(self.laws.computed_from(law)) == 1}
-        first = plain(longest, response.values, passed_over)
+        passed_over = (
+            outputs | self._memories | {law for law in response.values if len(self.laws.computed_from(law)) == 1}
+        )
+        kept = plain(longest, response.values, passed_over)
         told: list[Array] = []
-        every = {**first, **dict(remembered(longest, first, self._rates))}
-        kept = [signal for signal, sides in every.items() if is_new(sides, told)]
+        different = {signal: sides for signal, sides in kept.items() if is_new(sides, told)}
+        memories = remembered(longest, different, self._rates)
+        kept |= {signal: sides for signal, sides in memories if is_new(sides, told)}
         return {signal: [of(signal, c, r.values) for _, c, r in course.parts] for signal in kept}
 
     def entries(self, noise: Mapping[str, Noise] | None = None) -> list[Entry]:
@@ -202,70 +163,12 @@ class LawMap:
         add = {s: self._name(course.law, s) for s in signals}
         names = [(law, "add", [s for s in signals if add[s] == law]) for law in laws]
         for law, kind, mine in (*names, *((law, "multiply", [*signals]) for law in factors)):
-            known = [s for s in mine if s.memory in _MEMORIES[kind] and not self._is_loop(s, law)]
+            known = [
+                s for s in mine
+                if s.memory in _MEMORIES[kind] and not self._is_loop(s, law) and (law, s.name) not in self._corrected
+            ]  # fmt: skip
             if known:
                 yield law, kind, known
-
-    def is_natural(self, entry: Entry) -> bool:
-        """Whether the law hangs on the signal already, or is known to: its shape is the likeliest to be wrong.
-
-        What is a constant in the model hangs on nothing, and may hang on all that it acts beside.
-        """
-        if entry.kind == "add" and entry.family in self._families:
-            return True
-        if entry.law in self._constants:
-            return self._is_near(entry)
-        # a law of one signal that is multiplied is one that is added to
-        several = entry.kind == "add" or len(self.laws.computed_from(entry.law)) > 1
-        return several and self._reads(entry.law, entry.signal.name)
-
-    def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, bool, int]:
-        """How far a correction is from what the model says, for an order: what is near it is the likelier one.
-
-        A signal is near where it stands in what the law acts on; to couple what the model keeps apart is a claim.
-        """
-        # the time is what everything hangs on that nothing else is known of
-        remembers = len(_MEMORY) if entry.signal.name == "time" else _MEMORY.index(entry.signal.memory)
-        natural = self.is_natural(entry)
-        known = entry.family in self._families
-        return not self._is_near(entry), remembers > 0, not known, not natural, entry.kind != "add", remembers
-
-    def _is_near(self, entry: Entry) -> bool:
-        return self.laws.computed_from(entry.signal.name) <= {*self.laws.acts_beside(entry.law), "time"}
-
-    def _reads(self, law: str, signal: str) -> bool:
-        """Whether a signal, under any of its names, stands in a law itself."""
-        names = {signal, *self._other_names.get(signal, ())}
-        return law in names or any(self.laws.reads_itself(law, name) for name in names)
-
-    def worth_a_fit(self, entries: Sequence[Entry]) -> list[Entry]:
-        """Entries that are fitted: natural ones that tell anything, and the best of the others that do other things.
-
-        Parameters
-        ----------
-        entries : sequence of Entry
-            The most telling first. Of what is remembered in one way with several constants the first is taken.
-        """
-        natural: dict[tuple[str, str, str, str], Entry] = {}
-        for e in sorted(entries, key=lambda e: e.family not in self._families):
-            if self.is_natural(e):
-                natural.setdefault((e.law, e.signal.name, e.signal.memory, e.kind), e)
-        plain = [e for e in natural.values() if not e.signal.memory][:_NATURAL]
-        memory = [e for e in natural.values() if e.signal.memory][:_REMEMBERING]
-        chosen = [*plain, *memory]
-        most = len(chosen) + _OTHERS
-        # gains along different courses do not compare, so that they take turns
-        courses = {course: [e for e in entries if e.driven == course] for course in self.courses}
-        while len(chosen) < most:
-            before = len(chosen)
-            for mine in courses.values():
-                leader = next((e for e in mine if not any(alike(e, c) for c in chosen)), None)
-                if leader is not None:
-                    like = [e for e in mine if alike(leader, e) and e.curve.gain > _NEARLY * leader.curve.gain]
-                    chosen.append(min(like, key=self.far_fetched))
-            if len(chosen) == before:
-                break
-        return chosen[:most]
 
     def begins(self, entry: Entry) -> float:
         """What a lag remembers at first: the signal, as it is then."""
@@ -278,7 +181,10 @@ class LawMap:
         """Values of the model's own parameters that go with a correction, if all is linear."""
         problem = self._fitted.problem
         q = problem.position(problem.start | self.courses[entry.driven].values)
-        return problem.values(np.clip(q + np.clip(entry.step, -1.0, 1.0), *problem.bounds()))
+        # a logarithm moves by less than what it is of
+        relative = np.log1p(np.clip(entry.step, LEAST, MOST))
+        moved = np.where([scale.logarithmic for scale in problem.scales], relative, np.clip(entry.step, -1.0, 1.0))
+        return problem.values(np.clip(q + moved, *problem.bounds()))
 
     def _is_loop(self, signal: Signal, law: str) -> bool:
         """Whether a signal is computed from the law at the same time, other than being that law without more."""
@@ -290,7 +196,7 @@ class LawMap:
             return signal.name
         same = self.candidates[law]
         known = (n for n in same if family(n, signal.name, signal.memory) in self._families)
-        reading = (n for n in same if self._reads(n, signal.name))
+        reading = (n for n in same if self.plausible.reads(n, signal.name))
         return next(known, next(reading, law))
 
     def _of_signals(

@@ -61,7 +61,9 @@ def likenesses(basis: Basis, curve: Curve, scale: float, names: Sequence[str] = 
     """
     size = float(np.abs(basis.knots).max())
     strength, axes = np.linalg.eigh(curve.prior)
-    seen = strength > _SEEN * strength.max()
+    seen = strength > max(_SEEN * strength.max(), 0.0)
+    if not seen.any():  # all of it is the model's own
+        return []
     into = (axes[:, seen] / np.sqrt(strength[seen])).T  # from values to coordinates of unit size
     spread, turned = np.linalg.eigh(into @ curve.covariance @ into.T)
     into = (turned / np.sqrt(np.maximum(spread, _KNOWN * spread.max()))).T @ into  # in units of what is not known

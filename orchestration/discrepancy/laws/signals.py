@@ -45,8 +45,8 @@ class Signal:
         return Of(self.name, self.memory, self.constant).label
 
 
-def plain(course: Course, values: Mapping[str, Sides], outputs: Collection[str]) -> dict[Signal, Sides]:
-    """List what tells different things: inputs, states, values of laws, and the time.
+def plain(course: Course, values: Mapping[str, Sides], passed_over: Collection[str]) -> dict[Signal, Sides]:
+    """List what moves: inputs, states, values of laws, and the time.
 
     Parameters
     ----------
@@ -54,18 +54,18 @@ def plain(course: Course, values: Mapping[str, Sides], outputs: Collection[str])
         Of n samples.
     values : Mapping of str to Sides, of shape (n,)
         Of the laws, SI.
-    outputs : collection of str
-        Laws among them that are passed over.
+    passed_over : collection of str
+        Laws among them, and states, that are left out.
 
     Returns
     -------
     dict of Signal to Sides, of shape (n,)
-        SI; of two that tell the same the first, and none that stands still or is no number somewhere.
+        SI; none that stands still or is no number somewhere.
     """
-    laws = {name: sides for name, sides in values.items() if name not in outputs}
-    known = {**course.inputs, **course.states, **laws, "time": continuous(course.time)}
-    told: list[Array] = []
-    return {Signal(name): sides for name, sides in known.items() if is_new(sides, told)}
+    laws = {name: sides for name, sides in values.items() if name not in passed_over}
+    states = {name: sides for name, sides in course.states.items() if name not in passed_over}
+    known = {**course.inputs, **states, **laws, "time": continuous(course.time)}
+    return {Signal(name): sides for name, sides in known.items() if _moves(sides.begin)}
 
 
 def is_new(sides: Sides, told: list[Array]) -> bool:
@@ -78,7 +78,7 @@ def is_new(sides: Sides, told: list[Array]) -> bool:
         What was told so far, without mean and of unit length; if the signal is new, it is added.
     """
     values = sides.begin
-    if not np.isfinite(values).all() or np.ptp(values) <= _STILL * np.abs(values).max():
+    if not _moves(values):
         return False
     shape = values - values.mean()
     shape = shape / np.linalg.norm(shape)
@@ -86,6 +86,10 @@ def is_new(sides: Sides, told: list[Array]) -> bool:
         return False
     told.append(shape)
     return True
+
+
+def _moves(values: Array) -> bool:
+    return bool(np.isfinite(values).all()) and float(np.ptp(values)) > _STILL * float(np.abs(values).max())
 
 
 def remembered(
@@ -100,8 +104,8 @@ def remembered(
     signals : Mapping of Signal to Sides, of shape (n,)
         SI; the time among them is passed over.
     rates : collection of str
-        Signals among them that are rates of states: a lag of one is what its state is ahead of its own lag, and its
-        integral the state, so that none of these is anything else.
+        Signals among them that are rates of states, of which nothing is remembered: a lag of one is what its state is
+        ahead of its own lag, and its integral the state.
 
     Yields
     ------
@@ -113,11 +117,9 @@ def remembered(
     constants = [float(constant) for constant in np.geomspace(shortest, longest, LAGS)]
     memories = [(memory, constant) for memory in ("lagged", "leading", "heat") for constant in constants]
     for signal, sides in signals.items():
-        if signal.name == "time":
+        if signal.name == "time" or signal.name in rates:
             continue
         for memory, constant in (*memories, ("integrated", 0.0), ("throughput", 0.0)):
-            if signal.name in rates and memory in ("lagged", "leading", "integrated"):
-                continue
             one = Signal(signal.name, memory, constant)
             yield one, _memory(one, sides, steps)
 

@@ -20,6 +20,7 @@ from orchestration.discrepancy.laws.response import LinearResponse
 
 Array = NDArray[np.float64]
 _STIRRED = np.geomspace(1e-3, 1e3, 7)  # how far a course may go over a record, in sizes that explain what is wrong
+_FARTHEST = 1.0  # that the model's own coordinates may move at once
 _ENOUGH = 1.1  # times the least that any course leaves, which the calmest one may leave
 
 
@@ -80,6 +81,7 @@ def smoothed(
     courses : list of ndarray, shape (n,)
         In the unit of the law.
     step : ndarray, shape (p,)
+        None of them more than one.
     left : float
         Squares of what they do not explain, in units of the noise; no less than noise leaves in any output.
     """
@@ -90,7 +92,8 @@ def smoothed(
     solved = [_solved(run, law, noise, duration / reach**2) for run in runs]
     # the coordinates are the border of a sparse matrix, which is eliminated last (Schur)
     matrix = np.diag(precision) + sum(one.matrix for one in solved)
-    step = np.asarray(np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)[0], dtype=np.float64)
+    # the course makes up for what a coordinate may not do
+    step = np.clip(np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)[0], -_FARTHEST, _FARTHEST)
     moved = [one.alone - one.beside @ step for one in solved]
     left = 0.0
     for o, deviation in noise.items():

@@ -282,8 +282,8 @@ def test_units_of_what_comes_with_it():
 def test_names():
     effect = correction(Plain, "base", Of("drive", "lagged", 0.25), "cubic")
     assert effect_name(effect) == "base(drive_lagged)"
-    assert effect.assumption == "base does not hang on drive lagged by 0.25 s like this"
-    assert effect.__doc__ == "base hangs on drive lagged by 0.25 s: a x^3, added."
+    assert effect.assumption == "base does not hang on drive lagged like this"
+    assert effect.__doc__ == "base hangs on drive lagged: a x^3, added."
     multiplied = correction(Plain, "base", Of("drive", "throughput"), [0.0, 1.0], kind="multiply")
     text = "base hangs on drive integrated in modulus: a table, multiplied with one and it."
     assert multiplied.__doc__ == text
@@ -313,6 +313,27 @@ def test_builds_agree(memory, tmp_path):
     values = {effect.neutral: 0.8 for effect in effects}
     check_that_builds_agree(cls, values, {"drive": (-2.0, 2.0)}, tmp_path)
     assert np.ptp(added(effects[0], {effects[0].neutral: 0.8})) > 0.1, "it is active"
+
+
+def test_relaxations_of_one_signal_stand_beside_each_other(tmp_path):
+    """Each with its own amount and constant: lags of a step, from rest, by their closed form."""
+    of, constants, amounts = Of("drive", "lagged", 0.5, "V"), (0.3, 2.0), (0.7, -0.4)
+    one, two = (correction(Plain, "base", of, "linear", "V", number=k) for k in (1, 2))
+    assert (effect_name(one), effect_name(two)) == ("base(drive_lagged)", "base(drive_lagged_2)")
+    both = stack(Plain, one, two, name="both")
+    values = {"base_of_drive_lagged": amounts[0], "base_of_drive_lagged_2": amounts[1]}
+    values |= {"base_of_drive_lagged_memory_constant": constants[0],
+               "base_of_drive_lagged_2_memory_constant": constants[1]}  # fmt: skip
+    assert [p.name for p in both.layout.parameters if p.name.endswith("constant")] == [*values][2:]
+    check_that_builds_agree(both, values, {"drive": (-2.0, 2.0)}, tmp_path)
+    model = both(**values)
+    for state, constant in zip(("_memory", "_2_memory"), constants, strict=True):
+        setattr(model, f"base_of_drive_lagged{state}", 1.0 - np.exp(-1.0 / constant))
+    alone = Plain()
+    for component in (model, alone):
+        component.drive = 1.0
+    expected = sum(a * (1.0 - np.exp(-1.0 / t)) for a, t in zip(amounts, constants, strict=True))
+    assert model.base() - alone.base() == pytest.approx(expected)
 
 
 def test_a_value_out_of_range_is_refused_by_an_fmu(tmp_path):

@@ -5,6 +5,8 @@ The oracle is the plant: its hidden curve, and its parameters.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -108,6 +110,20 @@ def test_it_is_confirmed_by_what_no_fit_has_seen(drag, spring):
         assert best.confirmed
         before, after = best.errors
         assert all(after[o] < 0.5 * before[o] for o in before)
+
+
+def test_what_is_likelier_and_simulates_worse_is_not_confirmed(drag):
+    best = discover(drag[1]).corrections[0]
+    before, after = best.errors
+    assert best.confirmed
+    assert not replace(best, errors=(after, before)).confirmed
+
+
+def test_what_is_told_stands_there_once(drag, spring):
+    """Of lags with several constants one is fitted, since its constant is fitted too."""
+    for _, diagnosis in (drag, spring):
+        told = [one.entry.what for one in discover(diagnosis).corrections]
+        assert len(told) == len(set(told))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -18,6 +18,7 @@ from orchestration.discrepancy.laws.evidence import KNOTS, Basis, Columns, Curve
 
 SAMPLES = 120
 SIZES = 11  # of the bending part, that are tried
+FLAT = 1e4  # times the variance of one sample, of what is straight
 
 
 def signal(seed, samples=SAMPLES, crossing=True):
@@ -68,10 +69,11 @@ def family(one):
     bends = bending(one.basis)
     sizes = np.geomspace(1e-2, 1e8, SIZES) / (np.trace(one.z @ bends @ one.z.T) / len(bends))
     for part in one.basis.plain:
-        straight = part @ one_sample(one.z @ part, one.hats @ part) @ part.T
-        yield straight, 0.0
+        straight = FLAT * part @ one_sample(one.z @ part, one.hats @ part) @ part.T
+        free = part.shape[1] * np.log(FLAT)  # so that it costs what it does in BIC
+        yield straight, -free
         for size in sizes:
-            yield straight + size * bends, np.log(SAMPLES)
+            yield straight + size * bends, np.log(SAMPLES) - free
 
 
 def is_bending(basis, prior):
@@ -84,9 +86,22 @@ def is_bending(basis, prior):
 @several
 def test_the_gain_is_the_evidence(case):
     one = Case(*case)
-    bends = is_bending(one.basis, one.curve.prior)
-    exact = evidence(one.y, one.z, one.curve.prior) - bends * np.log(SAMPLES)
-    assert one.curve.gain == pytest.approx(exact, rel=1e-6, abs=1e-6)
+    _, price = min(family(one), key=lambda pair: np.abs(pair[0] - one.curve.prior).max())
+    exact = evidence(one.y, one.z, one.curve.prior) - price
+    assert one.curve.gain == pytest.approx(exact, rel=1e-5, abs=1e-5)
+
+
+@several
+def test_a_straight_line_has_the_price_of_bic(case):
+    """However strong it is: the criterion of the same line by least squares, its parameters being its own."""
+    one = Case(*case)
+    part = one.basis.plain[0]
+    columns = one.z @ part
+    for strength in (1.0, 1e3):
+        y = one.y + strength * columns @ [3.0, -2.0]
+        left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+        bic = y @ y - left @ left - 2.0 * np.log(SAMPLES)
+        assert one.columns.best(one.z.T @ y).gain >= bic * (1.0 - 1e-5) - 0.1
 
 
 @several
@@ -178,24 +193,24 @@ def test_what_is_the_models_own_is_no_part_of_a_curve():
     assert not found.values.any()
     assert not found.covariance.any()
     found = on_a_line(one)
-    assert found.complexity == pytest.approx(np.log(1.0 + SAMPLES)), "that of one parameter in BIC"
+    assert found.complexity == pytest.approx(np.log(SAMPLES), rel=1e-5), "that of one parameter in BIC"
     assert np.linalg.matrix_rank(found.prior) == 1
     assert np.diff(found.values) == pytest.approx(80.0, rel=0.02), "which tells no constant"
     found = on_a_line(np.zeros((SAMPLES, 1)))
-    assert found.complexity == pytest.approx(2.0 * np.log(1.0 + SAMPLES))
+    assert found.complexity == pytest.approx(2.0 * np.log(SAMPLES), rel=1e-5)
     assert found.values == pytest.approx([10.0, 90.0], rel=0.02)
 
 
 @pytest.mark.parametrize(("share", "rank"), [(1e-1, 2), (2e-3, 2), (5e-4, 1), (1e-6, 1)])
 def test_a_slope_of_which_little_is_left(share, rank):
-    """It has the information of one sample, or it is the model's."""
+    """It has the price of one parameter, or it is the model's."""
     x = signal(9, crossing=False)
     hats = LINE(x)
     slope = (x - x.mean()) / np.linalg.norm(x - x.mean())
     z = hats - (1.0 - np.sqrt(share)) * np.outer(slope, slope @ hats)
     found = Columns(LINE, z.T @ z, hats.T @ hats, SAMPLES).best(np.zeros(2))
     assert np.linalg.matrix_rank(found.prior, tol=1e-9 * np.abs(found.prior).max()) == rank
-    assert found.complexity == pytest.approx(rank * np.log(1.0 + SAMPLES), rel=1e-6)
+    assert found.complexity == pytest.approx(rank * np.log(SAMPLES), rel=1e-5)
 
 
 def test_a_bend_beside_a_line_that_is_the_models_own():

@@ -74,3 +74,8 @@ def test_a_covariance_that_rounding_has_made_singular_does_no_harm():
     found = likenesses(BASIS, Curve(100.0, values, 1e-6 * rank_one, rank_one + 1e-9 * np.eye(21), 0.0), 1.0)
     assert found
     assert np.isfinite([one.distance for one in found]).all()
+
+
+def test_what_is_all_the_models_own_looks_like_nothing():
+    basis, nothing = Basis(np.linspace(0.0, 1.0, 5)), np.zeros((5, 5))
+    assert likenesses(basis, Curve(0.0, np.zeros(5), nothing, nothing, 0.0), 1.0) == []

@@ -118,13 +118,14 @@ def test_a_signal_over_a_run():
         of(Signal("nothing"), one, {})
 
 
-def test_what_moves_and_is_new_is_listed():
+def test_what_moves_is_listed():
     one = course(
         smooth=WAVE, still=7.0, same=5.0 - 2.0 * WAVE, ramp=3.0 * TIME, broken=np.where(TIME > 3, np.nan, TIME)
     )
     laws = {"drop": continuous(np.exp(WAVE)), "voltage": continuous(WAVE**3), "twice": continuous(2.0 * WAVE**2 + 1e3)}
     found = plain(one, laws, {"voltage"})
-    assert [s.name for s in found] == ["held", "smooth", "ramp", "state", "drop"], "the time is told by the ramp"
+    moving = ["held", "smooth", "same", "ramp", "state", "drop", "twice", "time"]
+    assert [s.name for s in found] == moving, "whatever runs in proportion in this record"
     assert all(s.memory == "" for s in found)
     assert found[Signal("drop")] is laws["drop"]
     assert [s.name for s in plain(course(), {}, ())][-1] == "time"

@@ -66,7 +66,7 @@ def test_it_is_what_a_dense_least_squares_problem_gives(response, stirred, gap):
     rng = np.random.default_rng(3)
     y = shown(np.sin(np.arange(N) / 9.0)) + 0.05 * rng.normal(size=N)
     y[list(gap)] = np.nan
-    slopes = np.column_stack([np.exp(-np.arange(N) / 20.0), np.ones(N)])
+    slopes = 10.0 * np.column_stack([np.exp(-np.arange(N) / 20.0), np.ones(N)])
     precision = np.array([0.5, 2.0])
     [found], step, left = smoothed([wanted(response, y, slopes)], "fed", {"shown": 0.05}, precision, stirred)
     seen = np.isfinite(y)
@@ -80,10 +80,21 @@ def test_it_is_what_a_dense_least_squares_problem_gives(response, stirred, gap):
         np.hstack([np.zeros((2, N)), np.diag(np.sqrt(precision))]),
     ])  # fmt: skip
     dense = np.linalg.lstsq(rows, np.append(y[seen] / 0.05, np.zeros(N + 1)), rcond=None)[0]
+    assert np.abs(dense[N:]).max() < 1.0, "farther a coordinate does not move"
     assert found == pytest.approx(dense[:N], rel=1e-5, abs=1e-5 * np.abs(dense).max())
     assert step == pytest.approx(dense[N:], rel=1e-5, abs=1e-6)
     error = np.sum(((y + slopes @ step - shown(found))[seen] / 0.05) ** 2)
     assert left == pytest.approx(max(error, seen.sum()), rel=1e-6)
+
+
+def test_the_course_makes_up_for_what_a_coordinate_may_not_do(response):
+    """Of a step of 5, wanted by an output that shows little of it, there is 1; what is left is as small as it was."""
+    slope = 0.1 * np.cos(np.arange(N) / 30.0)[:, None]
+    y = -5.0 * slope[:, 0]
+    found, step, left = smoothed([wanted(response, y, slope)], "fed", {"shown": 0.05}, np.array([1e-9]), 100.0)
+    assert step == pytest.approx([1.0])
+    assert left < 1.2 * N
+    assert shown(found[0]) == pytest.approx(y + slope[:, 0], abs=0.1)
 
 
 def test_runs_have_courses_of_their_own_and_one_step(response):

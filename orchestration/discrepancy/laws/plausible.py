@@ -1,0 +1,104 @@
+"""Which of several corrections is the likelier one before a record is asked, and which are worth a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import chain, zip_longest
+
+from fmus.kit.symbolic.perturbed import PerturbedLaws
+from orchestration.discrepancy.laws.entry import Entry, alike, same
+
+_MEMORY = ("", "leading", "lagged", "integrated", "throughput", "heat")  # the plainest first
+_NATURAL, _REMEMBERING, _OTHERS = 8, 8, 16  # entries that are fitted: of signals that the law hangs on, and others
+_NEARLY = 0.95  # of the gain of the best of its like, which a correction that is nearer to the model must have
+
+
+class Plausible:
+    """How near corrections are to what a model says.
+
+    Parameters
+    ----------
+    laws : PerturbedLaws
+    constants : collection of str
+        Laws that are constants in the model.
+    other_names : Mapping of str to sequence of str
+        Of inputs and states: laws that only hand them on.
+    families : collection of str
+        Of effects that are known for the model, which of several equals are the likelier ones.
+    """
+
+    def __init__(
+        self, laws: PerturbedLaws, constants: Collection[str], other_names: Mapping[str, Sequence[str]],
+        families: Collection[str],
+    ):  # fmt: skip
+        self._laws, self._constants, self._other_names, self._families = laws, constants, other_names, families
+
+    def is_natural(self, entry: Entry) -> bool:
+        """Whether the law hangs on the signal already, or is known to: its shape is the likeliest to be wrong.
+
+        What is a constant in the model hangs on nothing, and may hang on all that it acts beside.
+        """
+        if entry.kind == "add" and entry.family in self._families:
+            return True
+        if entry.law in self._constants:
+            return self._is_near(entry)
+        # a law of one signal that is multiplied is one that is added to
+        several = entry.kind == "add" or len(self._laws.computed_from(entry.law)) > 1
+        return several and self.reads(entry.law, entry.signal.name)
+
+    def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, bool, int]:
+        """How far a correction is from what the model says, for an order: what is near it is the likelier one.
+
+        A signal is near where it stands in what the law acts on; to couple what the model keeps apart is a claim.
+        """
+        # what is added over time is what nothing else is known of; a coefficient is likelier to drift than to remember
+        drifts = entry.signal.name == "time" and entry.kind == "add"
+        remembers = len(_MEMORY) if drifts else _MEMORY.index(entry.signal.memory)
+        natural = self.is_natural(entry)
+        known = entry.family in self._families
+        odd = entry.kind != "add" or entry.signal.name == entry.law
+        return not self._is_near(entry), remembers > 0, not known, not natural, odd, remembers
+
+    def _is_near(self, entry: Entry) -> bool:
+        return self._laws.computed_from(entry.signal.name) <= {*self._laws.acts_beside(entry.law), "time"}
+
+    def reads(self, law: str, signal: str) -> bool:
+        """Whether a signal, under any of its names, stands in a law itself."""
+        names = {signal, *self._other_names.get(signal, ())}
+        return law in names or any(self._laws.reads_itself(law, name) for name in names)
+
+    def worth_a_fit(self, entries: Sequence[Entry]) -> list[Entry]:
+        """Entries that are fitted: natural ones that tell anything, and the best of the others that do other things.
+
+        Parameters
+        ----------
+        entries : sequence of Entry
+            The most telling first. Of what is remembered in one way with several constants one is taken.
+        """
+        natural: dict[tuple[str, str, str, str], Entry] = {}
+        for e in sorted(entries, key=lambda e: e.family not in self._families):
+            if self.is_natural(e):
+                natural.setdefault(e.what, e)
+        plain = [e for e in natural.values() if not e.signal.memory][:_NATURAL]
+        memory = [e for e in natural.values() if e.signal.memory][:_REMEMBERING]
+        chosen = {e.what: e for e in (*plain, *memory)}
+        most = len(chosen) + _OTHERS
+        # gains along different courses do not compare, so that they take turns
+        courses = dict.fromkeys(e.driven for e in entries)
+        turns = [self._leaders([e for e in entries if e.driven == course]) for course in courses]
+        for several in zip_longest(*turns, fillvalue=()):
+            for e in chain(*several):
+                if len(chosen) < most and not any(same(e, c) for c in chosen.values()):
+                    chosen.setdefault(e.what, e)
+        return list(chosen.values())
+
+    def _leaders(self, mine: Sequence[Entry]) -> Iterator[tuple[Entry, ...]]:
+        """Of entries along one course those that do different things: the best, and what is nearest to the model."""
+        led: list[Entry] = []
+        for entry in mine:
+            if any(alike(entry, other) for other in led):
+                continue
+            led.append(entry)
+            one = [e for e in mine if same(entry, e)]
+            like = [e for e in mine if alike(entry, e) and e.curve.gain > _NEARLY * entry.curve.gain]
+            yield min(one, key=self.far_fetched), min(like, key=self.far_fetched)
