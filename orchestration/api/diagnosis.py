@@ -30,6 +30,7 @@ from orchestration.fmu.model import Model, find_model
 from orchestration.fmu.signal import numeric
 from orchestration.identify.estimate import Estimate
 from orchestration.records import Record
+from orchestration.reporting.page import path_of_report
 from orchestration.reporting.plain import plain_text, preformatted
 from orchestration.rig import DRIVEN, HIGHEST, LIMITS
 
@@ -189,9 +190,7 @@ class DiagnosisResult:
         UserError
             If it cannot be written, or its name does not end in ``.html``.
         """
-        target = Path(path)
-        if target.suffix.lower() not in (".html", ".htm"):
-            raise UserError(f"{target}: the name of a report ends in .html")
+        target = path_of_report(path)
         later = self.later.details if self.later else None
         page(self._result, command or self._command, self.changes or (), later).write(target)
         return target

@@ -15,7 +15,7 @@ from orchestration.api.diagnosis import DiagnosisResult, unusable
 from orchestration.api.records import Records, held_out
 from orchestration.api.simulation import values_of
 from orchestration.discrepancy import pipeline
-from orchestration.discrepancy.corrected import ask
+from orchestration.discrepancy.corrected import ask_on
 from orchestration.discrepancy.extended_model import export, fitted_defaults
 from orchestration.discrepancy.laws.discovery import Correction, LawMapResult
 from orchestration.discrepancy.note import UnusableRecordError
@@ -24,6 +24,7 @@ from orchestration.discrepancy.report.laws.asked import Asked
 from orchestration.discrepancy.report.laws.page import page
 from orchestration.fmu.model import Model, find_model
 from orchestration.fmu.signal import numeric
+from orchestration.reporting.page import path_of_report
 from orchestration.reporting.plain import plain_text, preformatted
 
 if TYPE_CHECKING:
@@ -62,7 +63,8 @@ class LawsResult:
         self.sentence: str = wording.sentence(asked)
         self.law_map: list[dict[str, Any]] = summary.law_map(asked)
         self.diagnosis = DiagnosisResult(asked.result)
-        self.model: type[Component] | None = None if asked.best is None else _model(asked, asked.best)
+        last = asked.rounds[-1].best
+        self.model: type[Component] | None = None if last is None else _model(asked, last)
 
     @property
     def details(self) -> LawMapResult | None:
@@ -130,9 +132,7 @@ class LawsResult:
         UserError
             If it cannot be written, or its name does not end in ``.html``.
         """
-        target = Path(path)
-        if target.suffix.lower() not in (".html", ".htm"):
-            raise UserError(f"{target}: the name of a report ends in .html")
+        target = path_of_report(path)
         page(self._asked, command or self._command).write(target)
         return target
 
@@ -152,7 +152,8 @@ class LawsResult:
         target = Path(path)
         if target.suffix.lower() != ".py":
             raise UserError(f"{target}: the name of a file of Python ends in .py")
-        effect_file.write(self._asked, self._best(f"write to {target}"), target)
+        self._best(f"write to {target}")
+        effect_file.write(self._asked, target)
         return target
 
     def fmu(
@@ -273,7 +274,7 @@ def laws(
         result = pipeline.judge(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         raise unusable(measured, error) from error
-    found = None if result.diagnosis.inconclusive else ask(result.diagnosis, progress)
+    found = None if result.diagnosis.inconclusive else ask_on(result.diagnosis, progress)[0]
     named = model if isinstance(model, str) else subject.name
     command = diagnosing(measured, named, judged, None, options, settings, mapping, runs, "laws")
     return LawsResult(Asked(result, found), command)

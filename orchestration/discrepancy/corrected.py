@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 from scipy.stats import chi2
@@ -16,6 +17,7 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict, _is_left
 from orchestration.discrepancy.laws.discovery import Correction, LawMapResult, discover, search_of
+from orchestration.discrepancy.laws.entry import Entry
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import analyse_residuals
 from orchestration.discrepancy.residuals.remarks import remarks
@@ -32,6 +34,7 @@ from orchestration.discrepancy.validation.side_by_side import errors_side_by_sid
 from orchestration.fmu.effects import catalogue, families
 from orchestration.records.joined import base_name
 
+_ROUNDS = 3  # corrections, one beside the other
 _AS_GOOD = 6.0  # of BIC, by which an effect of the catalogue may fit worse than the correction that it is
 # What a lag of a signal, added in proportion, is called among the arms of the kit.
 _ARMS = {"lagged": "lagging", "leading": "leading", "heat": "warming"}
@@ -53,10 +56,13 @@ class Laws:
     found : LawMapResult
     known : FittedCandidate or None
         The model with the catalogue's own effect in place of the best correction, where one does the same.
+    beside : Laws or None
+        What the laws lack beside the best correction, which unseen data confirm as well.
     """
 
     found: LawMapResult
     known: FittedCandidate | None = None
+    beside: Laws | None = None
 
     @property
     def best(self) -> Correction | None:
@@ -78,9 +84,41 @@ def leaves_something(diagnosis: Diagnosis) -> bool:
     return diagnosis.verdict is Verdict.UNEXPLAINED or (diagnosis.verdict is Verdict.CAUSE and beside)
 
 
+def ask_on(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> tuple[Laws, Diagnosis]:
+    """Ask what the laws lack, and what is confirmed, what they lack beside it.
+
+    A relaxation is asked for another one of the same law and signal, as a spectrum has several; anything else where it
+    leaves something.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    laws : Laws
+    told : Diagnosis
+        With what is confirmed among its causes.
+    """
+    laws = ask(diagnosis, progress)
+    rounds, told = [laws], with_cause(diagnosis, laws, progress)
+    while told is not diagnosis and len(rounds) < _ROUNDS:
+        best = rounds[-1].best
+        relaxation = best.entry if best is not None and best.relaxation else None
+        if relaxation is None and (len(rounds) > 1 or not leaves_something(told)):
+            break
+        progress("asking what is missing beside it")
+        more = ask(told, progress, relaxation)
+        diagnosis, told = told, with_cause(told, more, progress)
+        rounds += [more] if told is not diagnosis else []
+    return reduce(lambda below, one: replace(one, beside=below), rounds[-2::-1], rounds[-1]), told
+
+
 # as in a diagnosis: fits run side by side, and the matrices are narrow
 @threadpool_limits.wrap(limits=1)
-def ask(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> Laws:
+def ask(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None, again: Entry | None = None) -> Laws:
     """Ask every law of a diagnosed model what it lacks, and the catalogue whether it knows that.
 
     Parameters
@@ -88,8 +126,10 @@ def ask(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: Non
     diagnosis : Diagnosis
     progress : callable
         Told what is being done.
+    again : Entry, optional
+        A law over a signal and its memory; nothing else is asked then.
     """
-    found = discover(diagnosis, progress)
+    found = discover(diagnosis, progress, again)
     best = next(iter(found.corrections), None)
     return Laws(found, _known(diagnosis, found, best) if best else None)
 

@@ -13,7 +13,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.candidates.typical import typical
-from orchestration.discrepancy.corrected import Laws, ask, leaves_something, with_cause
+from orchestration.discrepancy.corrected import Laws, ask_on, leaves_something
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import gap_notes, joined_dataset, labels, refuse_same
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
@@ -223,8 +223,7 @@ def _asked(
         others = [note for note in diagnosis.notes if note.code is not NoteCode.TIME_SPENT]
         return None, replace(diagnosis, notes=[*others, *budget.notes])
     try:
-        laws = ask(diagnosis, progress)
-        return laws, with_cause(diagnosis, laws, progress)
+        return ask_on(diagnosis, progress)
     except Exception as error:  # whatever it was, the diagnosis stands without it
         note = Note(NoteCode.NOT_SIMULATED, "what its laws lack", {"reason": _reason(error)})
         return None, replace(diagnosis, notes=[*diagnosis.notes, note])

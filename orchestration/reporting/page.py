@@ -11,6 +11,7 @@ from typing import Any
 
 from fmus.kit import files
 from fmus.kit.build.documentation import STYLE
+from fmus.kit.errors import UserError
 
 _MORE = """
 body { overflow-wrap: anywhere }
@@ -58,6 +59,20 @@ def escaped(text: str) -> Markup:
     if isinstance(text, Markup):
         return text
     return Markup(html.escape(text.encode(errors="backslashreplace").decode()))
+
+
+def path_of_report(path: str | Path) -> Path:
+    """Where a report goes, by a name that is one of a page.
+
+    Raises
+    ------
+    UserError
+        If the name does not end in ``.html``.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise UserError(f"{target}: the name of a report ends in .html")
+    return target
 
 
 class Page:

@@ -34,8 +34,8 @@ def overview(result: Result) -> Group:
         parts += [_runs(runs), Text()]
     if diagnosis.selection.steps or diagnosis.selection.rejected:
         parts += [_evidence(diagnosis), Text()]
-    if (asked := Asked(result, result.laws)).best:
-        parts += [law_tables.corrections(asked), Text()]
+    for asked in Asked(result, result.laws).rounds:
+        parts += [law_tables.corrections(asked), Text()] if asked.best else []
     parts.append(_parameters(diagnosis))
     if result.experiment:
         parts.append(Text(wording.experiment(result.experiment)))

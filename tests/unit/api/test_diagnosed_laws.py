@@ -156,7 +156,7 @@ def test_laws_may_be_left_out(record):
 
 def test_time_that_is_spent_asks_no_law(record, monkeypatch):
     """The clock jumps when the search is over, so that the verdict itself hangs on no clock."""
-    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask", lambda *given: pytest.fail("a law was asked"))
+    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask_on", lambda *given: pytest.fail("a law was asked"))
 
     def much_later(diagnosis):
         monkeypatch.setattr("orchestration.discrepancy.budget.monotonic", lambda: float("inf"))
@@ -173,7 +173,7 @@ def test_a_failure_of_the_laws_leaves_the_diagnosis(record, monkeypatch):
     def fails(*given):
         raise ZeroDivisionError("at rest")
 
-    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask", fails)
+    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask_on", fails)
     said = ppy.diagnose(record[0], record[1].plant.model, effects=[])
     assert said.verdict == "unexplained"
     assert any("what its laws lack was not judged: ZeroDivisionError: at rest" in note for note in said.notes)
@@ -181,7 +181,7 @@ def test_a_failure_of_the_laws_leaves_the_diagnosis(record, monkeypatch):
 
 def test_a_record_that_is_explained_asks_nothing(tmp_path, monkeypatch):
     path, plant = drawn(tmp_path, None)
-    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask", lambda *given: pytest.fail("a law was asked"))
+    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask_on", lambda *given: pytest.fail("a law was asked"))
     said = ppy.diagnose(path, plant.plant.model)
     assert said.verdict in ("consistent", "recalibrate")
     assert said.law_map == []

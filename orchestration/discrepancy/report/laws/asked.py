@@ -67,6 +67,31 @@ class Asked:
         return next(iter(self.corrections), None)
 
     @property
+    def rounds(self) -> list[Asked]:
+        """The same, and what was asked of the model with the best correction, where that was confirmed as well."""
+        beside = self.laws.beside if self.laws else None
+        return [self] if beside is None else [self, *Asked(self.result, beside).rounds]
+
+    @property
+    def last(self) -> FittedCandidate:
+        """The model with all that was confirmed one beside the other, or with the best correction."""
+        cause = next((one.laws.cause for one in self.rounds[::-1] if one.laws and one.laws.cause), None)
+        return self.base if cause is None else cause
+
+    def own_values(self, model: FittedCandidate) -> dict[str, float]:
+        """Parameters of the best correction by its own names, where a model has the catalogue's effect instead too."""
+        values, cause = model.problem.start | model.fit.values, self.laws.cause if self.laws else None
+        effects = [self.best.model.effect, cause.effect] if self.best and cause else []
+        pairs = zip(*map(own_parameters, effects), strict=False)
+        return {own: values[name] for own, name in pairs if name in values}
+
+    @property
+    def spectrum(self) -> list[tuple[float, float]]:
+        """Time constants, s, and amounts of relaxations that stand one beside the other, by time constants."""
+        several = [one.own_values(self.last) for one in self.rounds if one.best is not None and one.best.relaxation]
+        return sorted((constant, amount) for amount, constant in (own.values() for own in several))
+
+    @property
     def base(self) -> FittedCandidate:
         """The model that was asked, with the effects that were named."""
         return self.found.base if self.found else self.result.diagnosis.selection.best

@@ -15,7 +15,7 @@ from fmus.kit.declare import Declaration
 from orchestration.discrepancy.extended_model import fitted_defaults
 from orchestration.discrepancy.laws.discovery import Correction
 from orchestration.discrepancy.report.laws import wording
-from orchestration.discrepancy.report.laws.asked import Asked, named, signal_of, table_of
+from orchestration.discrepancy.report.laws.asked import Asked, signal_of, table_of
 
 # as the kit computes them: x is the signal, w its width, s its typical size
 FORMULAS = {
@@ -41,7 +41,7 @@ _FAR = 1e9  # nominal values, beyond which a bound is none
 _ROW = 6  # numbers in a line of a table
 
 
-def write(asked: Asked, correction: Correction, path: Path) -> None:
+def write(asked: Asked, path: Path) -> None:
     """Write the file.
 
     Raises
@@ -49,62 +49,81 @@ def write(asked: Asked, correction: Correction, path: Path) -> None:
     UserError
         If it cannot be written.
     """
-    files.write(path, source(asked, correction).encode())
+    files.write(path, source(asked).encode())
 
 
-def source(asked: Asked, correction: Correction) -> str:
-    """Return the text of the file."""
-    effect, base = correction.model.effect, asked.component
-    law, of = signal_of(effect)
-    title = "".join(part.title() for part in re.split(r"\W|_", f"{law} over {named(correction.entry.signal)}") if part)
-    values = correction.model.problem.start | correction.model.fit.values
-    values |= fitted_defaults(correction.model)
-    own = {p.name for p in effect.layout.parameters}
-    beside = {n: v for n, v in fitted_defaults(correction.model).items() if n not in own}
-    body = list(_body(base, correction, of, values))
-    used = [name for name in _FUNCTIONS if re.search(rf"\b{name}\(", "\n".join(body))]
-    kit = sorted(["Effect", "Parameter", *(["State"] if of.memory else []), *used], key=str.lower)
+def source(asked: Asked) -> str:
+    """Return the text of the file: the best correction, and what is beside it."""
+    found = [one.best for one in asked.rounds if one.best is not None]
+    base, last = asked.component, asked.last
+    values = {n: v for one in found for n, v in (one.model.problem.start | one.model.fit.values).items()}
+    values |= last.problem.start | last.fit.values | fitted_defaults(last)
+    for each in asked.rounds:  # what the catalogue knows under another name
+        values |= each.own_values(last)
+    known = {p.name for p in base.layout.parameters}
+    fitted = {n: v for n, v in fitted_defaults(last).items() if n in known}
+    signals = [f"{one.entry.law} over {_words(one)}" for one in found]
+    titles = ["".join(part.title() for part in _id(one).split("_")) for one in found]
+    bodies = [list(_body(base, one, values, k)) for k, one in enumerate(found, start=1)]
+    used = [name for name in _FUNCTIONS if any(re.search(rf"\b{name}\(", line) for body in bodies for line in body)]
+    remembers = any(one.model.effect.layout.states for one in found)
+    kit = sorted(["Effect", "Parameter", *(["State"] if remembers else []), *used], key=str.lower)
+    shapes = any("SHAPES[" in line for body in bodies for line in body)
     lines = [
-        f'"""{law.capitalize()} over {named(correction.entry.signal)}: what {base.name} lacks on a record.', "",
-        f"    from fmus.kit import stack\n\n    better = stack({base.__name__}, {title}, defaults=FITTED)", '"""', "",
-        f"from fmus.kit import {', '.join(kit)}",
-        *(["from fmus.kit.curves import SHAPES"] if any("SHAPES[" in line for line in body) else []), "",
+        f'"""{" and ".join(signals).capitalize()}: what {base.name} lacks on a record.', "",
+        f"    from fmus.kit import stack\n\n    better = stack({', '.join([base.__name__, *titles])}, defaults=FITTED)",
+        '"""', "",
+        f"from fmus.kit import {', '.join(kit)}", *(["from fmus.kit.curves import SHAPES"] if shapes else []), "",
         f"# fitted to {asked.result.files!a}: the model's own parameters beside the correction, SI",
-        "FITTED = {", *(f'    "{name}": {_number(value)},' for name, value in beside.items()), "}",
-        *_table(correction), "", "", f"class {title}(Effect):",
-        f'    """{_said(asked, correction)}"""', "",
-        f'    id = "{law}_over_{re.sub(r"_memory$", "", _memory(correction))}"', f'    neutral = "{effect.neutral}"',
-        f"    assumption = {_text(str(effect.assumption))}", "", *body,
+        "FITTED = {", *(f'    "{name}": {_number(value)},' for name, value in fitted.items()), "}",
     ]  # fmt: skip
+    for k, (one, title, body) in enumerate(zip(found, titles, bodies, strict=True), start=1):
+        effect = one.model.effect
+        lines += [
+            *_table(one, k), "", "", f"class {title}(Effect):", f'    """{_said(one)}"""', "",
+            f'    id = "{_id(one)}"', f'    neutral = "{effect.neutral}"',
+            f"    assumption = {_text(str(effect.assumption))}", "", *body,
+        ]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
-def _said(asked: Asked, correction: Correction) -> str:
+def _said(correction: Correction) -> str:
     factor = " as a factor" if correction.entry.kind == "multiply" else ""
-    text = f"{correction.entry.law} hangs on {named(correction.entry.signal)}{factor}"
+    text = f"{correction.entry.law} hangs on {_words(correction)}{factor}"
     return f"{text}: {wording.shape_name(correction.shape)}." if correction.shape else f"{text}: a table."
 
 
-def _memory(correction: Correction) -> str:
-    signal = correction.entry.signal
-    return f"{signal.name}_{signal.memory}" if signal.memory else signal.name
+def _words(correction: Correction) -> str:
+    """The signal without a time constant, which is a parameter."""
+    return signal_of(correction.model.effect)[1].words
 
 
-def _table(correction: Correction) -> Iterator[str]:
+def _id(correction: Correction) -> str:
+    """Law and signal, what is remembered of it, and a number where there are several."""
+    return f"{correction.entry.law}_over_{correction.model.effect.term.qualifier}"
+
+
+def _table(correction: Correction, number: int) -> Iterator[str]:
     """Lines of the constants of a table."""
     if correction.shape:
         return
-    for name, numbers in zip(("KNOTS", "VALUES"), table_of(correction.model.effect), strict=True):
+    for name, numbers in zip(_constants(number), table_of(correction.model.effect), strict=True):
         yield f"{name} = ("
         for k in range(0, len(numbers), _ROW):
             yield f"    {', '.join(map(_number, numbers[k : k + _ROW]))},"
         yield ")"
 
 
-def _body(cls: type[Component], correction: Correction, of: Of, values: dict[str, float]) -> Iterator[str]:
+def _constants(number: int) -> tuple[str, str]:
+    """Names of the knots and the values of a correction."""
+    more = f"_{number}" if number > 1 else ""
+    return f"KNOTS{more}", f"VALUES{more}"
+
+
+def _body(cls: type[Component], correction: Correction, values: dict[str, float], number: int) -> Iterator[str]:
     """Lines of the class: its parameters, what it remembers, and the law."""
     effect = correction.model.effect
-    law, kind, layout = correction.entry.law, correction.entry.kind, effect.layout
+    kind, layout, (law, of) = correction.entry.kind, effect.layout, signal_of(effect)
     for p in layout.parameters:
         if not p.starts:
             yield f"    {p.name} = Parameter({', '.join([_number(values[p.name]), *_about(p)])})"
@@ -120,7 +139,7 @@ def _body(cls: type[Component], correction: Correction, of: Of, values: dict[str
     now = "below" if of.name == law else f"self.{of.name}{'()' if is_law else ''}"
     memory = next((f"self.{state.name}" for state in layout.states), "")
     yield f"        x = {f'{now} - {memory}' if of.memory == 'leading' else memory or now}"
-    more = f"self.{effect.neutral} * {_form(correction, of)}"
+    more = f"self.{effect.neutral} * {_form(correction, of, number)}"
     yield f"        return below + {more}" if kind == "add" else f"        return below * (1.0 + {more})"
     for state in layout.states:
         # what is remembered of the law itself is of the law as it is without
@@ -132,10 +151,10 @@ def _body(cls: type[Component], correction: Correction, of: Of, values: dict[str
         yield from ("", f"    def {state.rate}(self):", f"        return {rate}")
 
 
-def _form(correction: Correction, of: Of) -> str:
+def _form(correction: Correction, of: Of, number: int) -> str:
     """The function of x."""
     if not correction.shape:
-        return "smooth_table(x, KNOTS, VALUES)"
+        return f"smooth_table(x, {', '.join(_constants(number))})"
     width, size = f"self.{correction.model.effect.neutral}_width", _number(of.scale)
     known = FORMULAS.get(correction.shape)
     if known is None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.discrepancy.laws.discovery import Correction
-from orchestration.discrepancy.laws.map import Entry
+from orchestration.discrepancy.laws.entry import Entry
 from orchestration.discrepancy.report.laws import wording
 from orchestration.discrepancy.report.laws.asked import Asked, named, shape_values
 from orchestration.discrepancy.report.typography import pretty

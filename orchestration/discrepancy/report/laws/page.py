@@ -33,10 +33,11 @@ def page(asked: Asked, command: str) -> Page:
     text = Markup(f"{chip} {typography.pretty(wording.sentence(asked))}")
     made = Page(f"The laws of {result.model.name} against {result.files}", text, elements.STYLE)
     sections.laws(made, asked)
-    if best is not None:
-        if best.errors[0]:
-            _errors(made, best)
-        _parameters(made, asked, best)
+    for each in asked.rounds:
+        if each.best is not None:
+            if each.best.errors[0]:
+                _errors(made, each, each.best)
+            _parameters(made, each, each.best)
     made.heading("What to do next")
     made.items(wording.next_steps(asked))
     if result.notes:
@@ -48,9 +49,9 @@ def page(asked: Asked, command: str) -> Page:
     return made
 
 
-def _errors(made: Page, best: Correction) -> None:
+def _errors(made: Page, asked: Asked, best: Correction) -> None:
     """How far off the model is without and with it."""
-    made.heading("Error on data that no fit has seen")
+    made.heading(f"Error on data that no fit has seen{sections.beside(asked)}")
     before, after = best.errors
     for output in before:
         sizes = (("without", COLOURS[REFITTED], before[output]), ("with it", COLOURS[EXTENDED], after[output]))
@@ -65,7 +66,7 @@ def _errors(made: Page, best: Correction) -> None:
 
 def _parameters(made: Page, asked: Asked, best: Correction) -> None:
     """Values beside each other: without the correction, and with it."""
-    made.heading("Parameters")
+    made.heading(f"Parameters{sections.beside(asked)}")
     own, declared = shape_estimates(best), best.model.problem.declared
     base, rows = asked.base.fit.values, []
     for name, e in {**own, **estimates(best.model)}.items():

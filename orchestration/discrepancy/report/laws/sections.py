@@ -13,19 +13,20 @@ CHIPS = {"confirmed": "named", "refuted": "cause", "not confirmed": "ambiguous",
 
 
 def laws(made: Page, asked: Asked) -> None:
-    """What the laws lack: the curve of the best correction, the map, and all that were fitted."""
-    if asked.best is not None:
-        curve(made, asked, asked.best)
-    if asked.found is not None and asked.found.entries:
-        law_map(made, asked)
-    if asked.best is not None:
-        corrections(made, asked)
+    """What the laws lack: the curve of the best correction, the map, and all that were fitted; and so on beside it."""
+    for each in asked.rounds:
+        if each.best is not None:
+            curve(made, each, each.best)
+        if each.found is not None and each.found.entries:
+            law_map(made, each)
+        if each.best is not None:
+            corrections(made, each)
 
 
 def curve(made: Page, asked: Asked, best: Correction) -> None:
     """What the law lacks, large."""
     entry = best.entry
-    made.heading(f"{entry.law} over {named(entry.signal)}")
+    made.heading(f"{entry.law} over {named(entry.signal)}{beside(asked)}")
     how = "is added to what the model says" if entry.kind == "add" else "plus 1 is what the law is multiplied with"
     like = ""
     if best.shape:
@@ -46,7 +47,7 @@ def curve(made: Page, asked: Asked, best: Correction) -> None:
 
 def law_map(made: Page, asked: Asked) -> None:
     """Every law over every signal."""
-    made.heading("Which law over which signal")
+    made.heading(f"Which law over which signal{beside(asked)}")
     plot, left = figures.law_map(asked)
     chance = asked.found.chance if asked.found else 0.0
     most = f"would reach {chance:.3g}" if chance > 0.0 else "would explain nothing"
@@ -60,7 +61,7 @@ def law_map(made: Page, asked: Asked) -> None:
 
 def corrections(made: Page, asked: Asked) -> None:
     """What was fitted."""
-    made.heading("Corrections that were fitted")
+    made.heading(f"Corrections that were fitted{beside(asked)}")
     most = max(one.gain for one in asked.corrections)
     rows = []
     for one in asked.corrections:
@@ -78,6 +79,11 @@ def corrections(made: Page, asked: Asked) -> None:
         "Every correction is fitted in the model together with all parameters. The fall of BIC is less the price of "
         "looking at so many. Only the first one is held against unseen data."
     ))  # fmt: skip
+
+
+def beside(asked: Asked) -> str:
+    """What the model has already, for a heading."""
+    return f", beside {' and '.join(asked.causes)}" if asked.causes else ""
 
 
 def _formula(asked: Asked, one: Correction) -> str:

@@ -12,17 +12,19 @@ from orchestration.identify.metrics import number
 
 
 def law_map(asked: Asked) -> list[dict[str, Any]]:
-    """Every correction, best first; numbers SI, no NaN nor infinity (null instead)."""
-    return [_correction(asked, one) for one in asked.corrections]
+    """Every correction, best first, and then those beside it; numbers SI, no NaN nor infinity (null instead)."""
+    return [_correction(each, one) for each in asked.rounds for one in each.corrections]
 
 
 def summary(asked: Asked) -> dict[str, Any]:
     """Gather the figures of a look at laws."""
-    best = asked.best
-    before, after = best.errors if best else ({}, {})
+    last = asked.rounds[-1]
+    before = asked.best.errors[0] if asked.best else {}
+    after = last.best.errors[1] if last.best else {}
     return {
         "sentence": wording.sentence(asked),
         "law_map": law_map(asked),
+        "spectrum": [{"constant": constant, "amount": amount} for constant, amount in asked.spectrum],
         "errors": {
             "holdout_nrmse_before": {o: number(e) for o, e in before.items()},
             "holdout_nrmse_after": {o: number(e) for o, e in after.items()},
@@ -55,4 +57,5 @@ def _correction(asked: Asked, one: Correction) -> dict[str, Any]:
         "units": {"law": law, "signal": signal},
         "confirmed": verdict(one),
         "alike": asked.alike(one),
+        "beside": asked.causes,
     }

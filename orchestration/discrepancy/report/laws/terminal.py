@@ -15,18 +15,22 @@ def overview(asked: Asked) -> Group:
     """Return what ``ppy laws`` prints."""
     parts: list[RenderableType] = [Text(wording.sentence(asked), "bold")]
     parts += [Text(message(note)) for note in asked.result.notes]
-    if asked.best is not None:
-        parts += [Text(), corrections(asked)]
-        if asked.best.errors[0]:
-            parts += [Text(), _errors(asked)]
-        parts += [Text(), _parameters(asked)]
+    for each in asked.rounds:
+        if each.best is not None:
+            parts += [Text(), corrections(each)]
+            if each.best.errors[0]:
+                parts += [Text(), _errors(each)]
+            parts += [Text(), _parameters(each)]
     parts += [Text(), *(Text(line) for line in wording.next_steps(asked))]
     return Group(*parts)
 
 
 def corrections(asked: Asked) -> RenderableType:
     """Table of what was fitted, the best first."""
-    table = plain_table("corrections", "effect", "law", "signal", "fall of BIC", "shape", "unseen data", "alike")
+    beside = f" beside {' and '.join(asked.causes)}" if asked.causes else ""
+    table = plain_table(
+        f"corrections{beside}", "effect", "law", "signal", "fall of BIC", "shape", "unseen data", "alike"
+    )
     for one in asked.corrections:
         law = f"{one.entry.law}{' (factor)' if one.entry.kind == 'multiply' else ''}"
         alike = asked.alike(one)

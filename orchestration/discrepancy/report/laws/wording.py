@@ -29,11 +29,30 @@ _NAMES = {
     "stribeck": "Stribeck's curve", "stops": "a stop on either side", "weir": "a weir", "upper_stop": "a stop above",
     "lower_stop": "a stop below", "sign_beyond": "a sign beyond a dead zone", "levelling": "a line with a flat middle",
 }  # fmt: skip
+_BROAD = 10.0  # ratio of the time constants of a spectrum, from which on it is broad
 _WIDE = 0.5  # of what the curve spans, from which on its band is wide
 
 
 def sentence(asked: Asked) -> str:
     """What was found, with what unseen data say of it."""
+    return " ".join(filter(None, (*map(_sentence, asked.rounds), _spectrum(asked))))
+
+
+def _spectrum(asked: Asked) -> str:
+    """What several relaxations are together."""
+    spectrum, best = asked.spectrum, asked.best
+    if len(spectrum) < 2 or best is None:
+        return ""
+    law, signal = asked.units(best)
+    unit = law if signal == "1" else f"{law}/{signal}"
+    parts = [f"{amount:.3g} {unit} at {constant:.3g} s" for constant, amount in spectrum]
+    broad = len(spectrum) > 2 and spectrum[-1][0] > _BROAD * spectrum[0][0]
+    return f"Together these are relaxations of {', '.join(parts[:-1])} and {parts[-1]}" + (
+        ": a broad spectrum, such as diffusion has." if broad else "."
+    )
+
+
+def _sentence(asked: Asked) -> str:
     best = asked.best
     if asked.found is None:
         return wording.sentence(asked.result.diagnosis)

@@ -41,7 +41,9 @@ def fitted(law, signal, memory, kind, shape):
     entry = SimpleNamespace(law=law, signal=Signal(signal, memory, of.constant), kind=kind)
     model = SimpleNamespace(effect=effect, candidate=candidate, problem=problem, fit=fit)
     made = SimpleNamespace(entry=entry, model=model, shape=shape)
-    return SimpleNamespace(component=Motor, result=SimpleNamespace(files='a "quoted" \udcff.csv')), made, values
+    asked = SimpleNamespace(component=Motor, result=SimpleNamespace(files='a "quoted" \udcff.csv'), last=model)
+    asked.rounds = [SimpleNamespace(best=made, own_values=lambda last: {})]
+    return asked, made, values
 
 
 @pytest.mark.parametrize(("law", "signal", "memory", "kind", "shape"), CASES)
@@ -49,7 +51,7 @@ def test_the_file_computes_what_was_fitted(law, signal, memory, kind, shape):
     """The oracle is the effect that was fitted, in a component without any solver."""
     asked, one, values = fitted(law, signal, memory, kind, shape)
     written: dict = {}
-    text = source(asked, one)
+    text = source(asked)
     exec(compile(text, "law.py", "exec"), written)
     (effect,) = (c for c in written.values() if isinstance(c, type) and c.__module__ != "fmus.kit.component")
     theirs, ours = one.model.candidate.cls(**values), stack(Motor, effect, defaults=written["FITTED"])()
@@ -70,7 +72,7 @@ def test_the_file_computes_what_was_fitted(law, signal, memory, kind, shape):
 
 def test_shapes_are_written_out():
     assert set(FORMULAS) == set(SHAPES)
-    text = source(*fitted("friction", "omega", "", "add", "odd_quadratic")[:2])
+    text = source(fitted("friction", "omega", "", "add", "odd_quadratic")[0])
     assert "self.friction_of_omega * (x * absolute(x))" in text
     assert "class FrictionOverOmega(Effect):" in text
     assert len(text.splitlines()) < 40
