@@ -15,7 +15,7 @@ from tests.support.hidden_laws.shapes import Kind
 
 if TYPE_CHECKING:
     from orchestration.discrepancy.laws.discovery import Correction
-    from orchestration.discrepancy.laws.map import Entry
+    from orchestration.discrepancy.laws.entry import Entry
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -25,6 +25,7 @@ SAID = ("first", "in the group", "large group", "further down", "another", "none
 GOOD = SAID[:2]
 NEAR_TRUTH = 1.02  # of the error of the truth on what was held out
 _POINTS, _ENDS = 41, (0.01, 0.99)  # where a band is held against the truth, and quantiles of the signal
+_STILL = 1e-9  # of its size, within which a signal stands still
 _FEWEST = 4  # points, below which a line goes through all of them
 
 
@@ -34,8 +35,13 @@ def answer(entry: Entry) -> Answer:
 
 
 def excluded(row: Row) -> bool:
-    """Whether what is hidden leaves too little."""
-    return bool(row["widths"] < LEAST)
+    """Whether what is hidden leaves too little, or hangs on what stands still."""
+    return bool(row["widths"] < LEAST or row.get("still"))
+
+
+def stands_still(signal: Array | None) -> bool:
+    """Whether what hangs on a signal is a constant in a record; None is no signal, but the time."""
+    return signal is not None and float(np.ptp(signal)) <= _STILL * float(np.abs(signal).max())
 
 
 def named(row: Row) -> str:
@@ -86,16 +92,14 @@ def naive_is_right(name: str, right: Iterable[Answer], series: Mapping[str, Arra
 
 
 def covered(
-    x: Array, band: tuple[Array, Array, Array], truth: Callable[[float], float], visited: Array
+    band: Callable[[Array], tuple[Array, Array, Array]], truth: Callable[[float], float], visited: Array
 ) -> float | None:
     """Share of the range that a record visited in which a band holds the true curve, straight parts apart.
 
     Parameters
     ----------
-    x : ndarray, shape (k,)
-        Knots, SI.
-    band : tuple of ndarray, shape (k,)
-        Curve, lower and upper end.
+    band : callable
+        Curve, lower and upper end, (v,) each, at values (v,) of the signal, SI.
     truth : callable
         True curve, in the unit of the band.
     visited : ndarray, shape (n,)
@@ -111,7 +115,7 @@ def covered(
     at = several if len(several) <= _POINTS else np.linspace(low, high, _POINTS)
     if len(at) < _FEWEST:
         return None
-    curve, least, most = (np.interp(at, x, y) for y in band)
+    curve, least, most = band(at)
     true = np.array([truth(float(one)) for one in at])
     width = most - least
     line = np.polyfit(at, curve - true, 1, w=1.0 / np.maximum(width, 1e-9 * max(float(width.max()), 1e-300)))
@@ -159,7 +163,7 @@ def band_covers(
     found = true_curve(answer(best.entry), kind, curve, series, step, plant, truth, best.fitted.values)
     if found is None:
         return None
-    return covered(np.asarray(best.entry.basis.knots), best.band, *found)
+    return covered(best.band_at, *found)
 
 
 def closed_form(shapes: Sequence[str], kind: Kind, said: Answer, from_zero: bool) -> bool | None:

@@ -32,7 +32,7 @@ def title(row: Row) -> str:
 def told(row: Row) -> str:
     """What was said of a record."""
     if excluded(row):
-        return f"not counted ({row['widths']:.1f} widths)"
+        return f"not counted ({'it stands still' if row.get('still') else format(row['widths'], '.1f') + ' widths'})"
     naive = f"; naive {row['naive'][0]}{'' if row['naive_right'] else ' (wrong)'}" if row.get("naive") else ""
     return f"{named(row)}: {words(row)}{naive} ({row['widths']:.1f} widths, {row['seconds']:.0f} s)"
 
@@ -51,10 +51,12 @@ def words(row: Row) -> str:
 def report(rows: Sequence[Row]) -> Topic:
     """Tables of what was said of records in which something is hidden."""
     counted = [row for row in rows if not excluded(row)]
+    still = [row for row in rows if row.get("still")]
     good, first = (sum(named(row) in kinds for row in counted) for kinds in (GOOD, GOOD[:1]))
     naive = sum(row["naive_right"] for row in counted)
     parts: list[str | Table] = [
-        f"{len(rows)} records: {share(len(rows) - len(counted), len(rows))} leave less than {LEAST:g} noise widths; "
+        f"{len(rows)} records: in {share(len(still), len(rows))} the signal stands still, and "
+        f"{share(len(rows) - len(counted) - len(still), len(rows))} leave less than {LEAST:g} noise widths; "
         f"{len(counted)} count. The right law over the right signal is first, or in a first group of at most {GROUP}, "
         f"in {share(good, len(counted))}, first in {share(first, len(counted))}; somewhere in the map in "
         f"{share(sum(row.get('in_map') is not None for row in counted), len(counted))}. The naive signal is right in "
@@ -133,8 +135,11 @@ def _quality(rows: Sequence[Row]) -> list[str | Table]:
 
 def _excluded(rows: Sequence[Row]) -> list[str | Table]:
     of = [{**row, "of": f"{row['plant']}: {row['kind']}"} for row in rows]
-    table = [[name, len(these), sum(map(excluded, these))] for name, these in grouped(of, "of").items()]
-    return ["Not counted, by kind:", Table(["kind", "records", "too little"], table)]
+    table = [
+        [name, len(these), sum(map(excluded, these)), sum(bool(row.get("still")) for row in these)]
+        for name, these in grouped(of, "of").items()
+    ]
+    return ["Not counted, by kind:", Table(["kind", "records", "not counted", "of these still"], table)]
 
 
 def _wrong(rows: Sequence[Row]) -> list[str | Table]:

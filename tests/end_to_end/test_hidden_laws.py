@@ -143,12 +143,14 @@ def test_rules_of_naming():
 
 
 def test_a_band_is_held_against_the_truth_up_to_a_line():
-    x = np.linspace(-1.0, 1.0, 21)
     visited = np.linspace(-1.0, 1.0, 500)
-    band = x**3 - 0.4 * x, x**3 - 0.4 * x - 0.02, x**3 - 0.4 * x + 0.02
-    assert judge.covered(x, band, lambda z: z**3 + 5.0 * z - 1.0, visited) == 1.0
-    assert judge.covered(x, band, lambda z: 2.0 * z**3, visited) < 0.5
-    assert judge.covered(x, band, lambda z: z**3, np.tile([-1.0, 1.0], 50)) is None
+
+    def band(x):
+        return x**3 - 0.4 * x, x**3 - 0.4 * x - 0.02, x**3 - 0.4 * x + 0.02
+
+    assert judge.covered(band, lambda z: z**3 + 5.0 * z - 1.0, visited) == 1.0
+    assert judge.covered(band, lambda z: 2.0 * z**3, visited) < 0.5
+    assert judge.covered(band, lambda z: z**3, np.tile([-1.0, 1.0], 50)) is None
 
 
 def test_a_true_curve_is_told_in_the_unit_of_the_law_that_is_named():
