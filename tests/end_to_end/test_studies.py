@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import hidden, naming, public_laws, stamp
+from benchmarks import hidden, laws, naming, public_laws, stamp
 
 
 @pytest.mark.parametrize(
@@ -14,6 +14,7 @@ from benchmarks import hidden, naming, public_laws, stamp
     [
         (hidden.PAGE, hidden.CODE, "make hidden-study"),
         (naming.PAGE, naming.CODE, "make naming"),
+        (laws.PAGE, laws.CODE, "make laws-study"),
         (public_laws.PAGE, public_laws.CODE, "make public-laws"),
     ],
 )

@@ -19,7 +19,9 @@ from orchestration.discrepancy.laws.fitting import RELAXATIONS, FittedEntry, Fit
 from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.search import FAILURES, Search
+from orchestration.discrepancy.selection.stepwise import Selection, Step
 from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome, score
+from orchestration.discrepancy.validation.errors_in_variables import assess, defensible, nothing
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.effects import catalogue, families
 from orchestration.records.joined import base_name
@@ -53,6 +55,8 @@ class Correction:
         What data that no fit has seen say of it.
     errors : tuple of dict of str to float
         Normalised RMS errors on those, without and with it.
+    by_noise : tuple of str
+        Inputs of which the noise alone makes as much evidence for it.
     """
 
     fitted: FittedEntry
@@ -63,6 +67,7 @@ class Correction:
     alike: tuple[Entry, ...] = ()
     confirmation: Confirmation | None = None
     errors: tuple[dict[str, float], dict[str, float]] = ({}, {})
+    by_noise: tuple[str, ...] = ()
 
     @property
     def entry(self) -> Entry:
@@ -76,13 +81,14 @@ class Correction:
 
     @property
     def confirmed(self) -> bool:
-        """Whether unseen data are surely likelier with it, and simulated no worse on the whole.
+        """Whether unseen data are surely likelier with it, simulated no worse on the whole, and not by noise of inputs.
 
-        A simulation may be worse and likelier at once, where noise is taken to wander and the correction does too.
+        A simulation may be worse and likelier at once, where noise is taken to wander and the correction does too. What
+        noise of an input does to a model that is fed it, it does to unseen data as well.
         """
         sure = self.confirmation is not None and self.confirmation.outcome is Outcome.CONFIRMED
         before, after = (float(np.mean(np.square(list(e.values())))) if e else 0.0 for e in self.errors)
-        return sure and after <= before
+        return sure and after <= before and not self.by_noise
 
     @property
     def band(self) -> tuple[Array, Array, Array]:
@@ -157,7 +163,10 @@ def discover(
         above = tuple((name, shaped.fit.bic - best.criterion) for name, shaped in shapes)
         of = () if corrections else _not_told_apart(found, one.entry, good, worse, entries)
         correction = Correction(best, gain, shape, model, above, of)
-        corrections.append(correction if corrections else _judged(correction, base, diagnosis.validation))
+        if not corrections:
+            correction = _judged(correction, base, diagnosis.validation)
+            correction = replace(correction, by_noise=_by_noise(search, base, correction, len(entries)))
+        corrections.append(correction)
     return LawMapResult(base, entries, found.chance, corrections)
 
 
@@ -232,6 +241,14 @@ def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda tex
 def _nearest(shapes: Sequence[tuple[str, FittedCandidate]], one: FittedEntry) -> tuple[str, FittedCandidate] | None:
     """The best shape, if it is as good as the curve."""
     return shapes[0] if shapes and shapes[0][1].fit.bic <= one.criterion + _AS_GOOD else None
+
+
+def _by_noise(search: Search, base: FittedCandidate, one: Correction, tried: int) -> tuple[str, ...]:
+    """Inputs of which the noise makes as much evidence for what would be confirmed."""
+    noise = assess(search, base) if one.confirmed else nothing(base)
+    step = Step(one.model, one.gain, one.gain, 0.0, [], [])
+    kept, _ = defensible(Selection(base, [step], [], tried), search, noise)
+    return () if kept.steps else tuple(noise.deviation)
 
 
 def _judged(one: Correction, base: FittedCandidate, validation: ValidationData) -> Correction:

@@ -64,10 +64,12 @@ def _sentence(asked: Asked) -> str:
         factor = ", as a factor," if entry.kind == "multiply" else ""
         said = f"{entry.law} depends on {named(entry.signal)}{factor} beyond what the model has"
         return f"{beside}{said}: {looks(asked, best)}; {errors(best)}."
-    why = "speak against it" if refuted(best) else "tell too little of it"
+    why = f"data that no fit has seen {'speak against it' if refuted(best) else 'tell too little of it'}"
+    if best.by_noise:
+        why = f"noise on {' and '.join(best.by_noise)} makes as much evidence for it by itself"
     return (
         f"{beside}{entry.law}{' as a factor' if entry.kind == 'multiply' else ''} over {named(entry.signal)} would be "
-        f"worth looking at ({looks(asked, best)}), but data that no fit has seen {why}."
+        f"worth looking at ({looks(asked, best)}), but {why}."
     )
 
 
@@ -141,7 +143,12 @@ def next_steps(asked: Asked) -> list[str]:
             "act on the specimen and that the model does not have.",
         ]
     entry, alike, steps = best.entry, asked.alike(best), []
-    if verdict(best):
+    if best.by_noise:
+        steps.append(
+            f"Do not build on it. Measure {' and '.join(best.by_noise)} with less noise, or feed the model what was "
+            "commanded instead of what was measured."
+        )
+    elif verdict(best):
         steps.append(
             "Go on with it: --effect-out law.py writes it as a class of a few lines to lay over the model, and "
             "--fmu better.fmu the model with it."

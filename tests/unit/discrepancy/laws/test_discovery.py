@@ -19,7 +19,7 @@ from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.pipeline import Options, judge
 from orchestration.fmu.model import find_model
 from tests.support.clean.plants import PLANTS
-from tests.support.clean.records import KINDS, conditions, draw
+from tests.support.clean.records import KINDS, Case, conditions, draw
 from tests.support.hidden.change import static
 from tests.support.hidden.curves import hard_sinh, power
 from tests.support.hidden.plants import altered
@@ -117,6 +117,16 @@ def test_what_is_likelier_and_simulates_worse_is_not_confirmed(drag):
     before, after = best.errors
     assert best.confirmed
     assert not replace(best, errors=(after, before)).confirmed
+
+
+def test_what_noise_of_an_input_does_is_not_confirmed(tmp_path):
+    """Of a current that is one of two levels the measured one tells less the farther off it is: a curve, and none."""
+    drawn = draw(Case("Cell", "PRBS", "on input", seed=2026112900063, timing="long", smooth=False, at_rest=False))
+    best = discover(diagnosed(drawn.write(tmp_path / "cell.csv"), drawn.plant.model)).corrections[0]
+    assert (best.entry.law, best.entry.signal.name) == ("drop", "current")
+    assert best.by_noise == ("current",)
+    assert not best.confirmed
+    assert replace(best, by_noise=()).confirmed, "unseen data have such noise too"
 
 
 def test_what_is_told_stands_there_once(drag, spring):
