@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any
 
 from scipy.stats import chi2
@@ -34,7 +33,7 @@ from orchestration.discrepancy.validation.side_by_side import errors_side_by_sid
 from orchestration.fmu.effects import catalogue, families
 from orchestration.records.joined import base_name
 
-_ROUNDS = 3  # corrections, one beside the other
+_RELAXATIONS = 3  # of one law and signal, one beside the other
 _AS_GOOD = 6.0  # of BIC, by which an effect of the catalogue may fit worse than the correction that it is
 # What a lag of a signal, added in proportion, is called among the arms of the kit.
 _ARMS = {"lagged": "lagging", "leading": "leading", "heat": "warming"}
@@ -84,36 +83,42 @@ def leaves_something(diagnosis: Diagnosis) -> bool:
     return diagnosis.verdict is Verdict.UNEXPLAINED or (diagnosis.verdict is Verdict.CAUSE and beside)
 
 
-def ask_on(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> tuple[Laws, Diagnosis]:
+def ask_on(
+    diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None, again: Entry | None = None,
+    rounds: int = _RELAXATIONS,
+) -> tuple[Laws, Diagnosis]:  # fmt: skip
     """Ask what the laws lack, and what is confirmed, what they lack beside it.
 
-    A relaxation is asked for another one of the same law and signal, as a spectrum has several; anything else where it
-    leaves something.
+    A relaxation is asked for another one of the same law and signal, as a spectrum has several; anything else once more
+    where it leaves something.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     progress : callable
         Told what is being done.
+    again : Entry, optional
+        A law over a signal and its memory; nothing else is asked then.
+    rounds : int
+        Corrections that may stand one beside the other.
 
     Returns
     -------
     laws : Laws
     told : Diagnosis
-        With what is confirmed among its causes.
+        With what is confirmed among its causes; the same where nothing is.
     """
-    laws = ask(diagnosis, progress)
-    rounds, told = [laws], with_cause(diagnosis, laws, progress)
-    while told is not diagnosis and len(rounds) < _ROUNDS:
-        best = rounds[-1].best
-        relaxation = best.entry if best is not None and best.relaxation else None
-        if relaxation is None and (len(rounds) > 1 or not leaves_something(told)):
-            break
-        progress("asking what is missing beside it")
-        more = ask(told, progress, relaxation)
-        diagnosis, told = told, with_cause(told, more, progress)
-        rounds += [more] if told is not diagnosis else []
-    return reduce(lambda below, one: replace(one, beside=below), rounds[-2::-1], rounds[-1]), told
+    laws = ask(diagnosis, progress, again)
+    told, best = with_cause(diagnosis, laws, progress), laws.best
+    if told is diagnosis or best is None or rounds == 1:
+        return laws, told
+    if best.relaxation:
+        more, both = ask_on(told, progress, best.entry, rounds - 1)
+    elif again is None and leaves_something(told):
+        more, both = ask_on(told, progress, None, 1)
+    else:
+        return laws, told
+    return (laws, told) if both is told else (replace(laws, beside=more), both)
 
 
 # as in a diagnosis: fits run side by side, and the matrices are narrow
