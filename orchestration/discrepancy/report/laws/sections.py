@@ -17,7 +17,7 @@ def laws(made: Page, asked: Asked) -> None:
     for each in asked.rounds:
         if each.best is not None:
             curve(made, each, each.best)
-        if each.found is not None and each.found.entries:
+        if each.found is not None and len({entry.what for entry in each.found.entries}) > 1:
             law_map(made, each)
         if each.best is not None:
             corrections(made, each)
