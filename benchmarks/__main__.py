@@ -6,7 +6,20 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from . import ageing, building, coupling, diagnosing, importing, machine, master, pacing, record, stepping, stiff
+from . import (
+    ageing,
+    building,
+    coupling,
+    diagnosing,
+    importing,
+    machine,
+    mapping,
+    master,
+    pacing,
+    record,
+    stepping,
+    stiff,
+)
 from .tables import Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
@@ -19,6 +32,7 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
     "coupling": coupling.measure,
     "pacing": pacing.measure,
     "diagnose": diagnosing.measure,
+    "laws": mapping.measure,
     "import": importing.measure,
     "build": building.measure,
 }

@@ -94,11 +94,8 @@ def ask_on(
 
     Parameters
     ----------
-    diagnosis : Diagnosis
-    progress : callable
-        Told what is being done.
-    again : Entry, optional
-        A law over a signal and its memory; nothing else is asked then.
+    diagnosis, progress, again
+        See `discover`.
     rounds : int
         Corrections that may stand one beside the other.
 
@@ -128,11 +125,8 @@ def ask(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: Non
 
     Parameters
     ----------
-    diagnosis : Diagnosis
-    progress : callable
-        Told what is being done.
-    again : Entry, optional
-        A law over a signal and its memory; nothing else is asked then.
+    diagnosis, progress, again
+        See `discover`.
     """
     found = discover(diagnosis, progress, again)
     best = next(iter(found.corrections), None)

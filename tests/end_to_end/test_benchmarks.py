@@ -11,7 +11,19 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import ageing, building, coupling, diagnosing, importing, machine, master, pacing, record, stepping
+from benchmarks import (
+    ageing,
+    building,
+    coupling,
+    diagnosing,
+    importing,
+    machine,
+    mapping,
+    master,
+    pacing,
+    record,
+    stepping,
+)
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
 
@@ -122,6 +134,18 @@ def test_a_diagnosis_is_timed_over_the_length_of_the_record():
     assert [row[0] for row in table.rows] == [600, 1200]
     assert all(row[1] > 0.0 and row[2] == pytest.approx(1e6 * row[1] / row[0]) for row in table.rows)
     assert {row[4] for row in table.rows} == {"strain_saturation"}
+
+
+def test_a_map_of_laws_is_timed_over_the_length_of_the_record():
+    (table,) = mapping.measure(quick=True).tables
+    assert [row[0] for row in table.rows] == [300, 600]
+    for samples, entries, seconds, of_a_sample, peak, simulations, met in table.rows:
+        assert entries >= 0
+        assert seconds > 0.0
+        assert of_a_sample == pytest.approx(1e6 * seconds / samples)
+        assert 0.01 < peak < 10.0, "GB"
+        assert simulations >= 0.0
+        assert met == "", "the target is for ten minutes"
 
 
 def test_a_platform_without_a_library_is_not_built() -> None:
