@@ -12,7 +12,7 @@ help:
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
 	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
-	@echo "make laws-study whether the law is found that lacks what no catalogue has, and what is said of clean records; SEED=N likewise"
+	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
 	@echo "make public-laws what the laws of four measured systems lack; records where PPY_PUBLIC_DATA says"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
@@ -37,7 +37,7 @@ hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
 
 laws-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.laws --records 144 --clean 232 --actuator 1 --seed $(or $(SEED),20261129) --without VoiceCoil --out docs/hidden-laws.md
+	$(BIN)/python -m benchmarks.laws --records 144 --seed $(or $(SEED),20261129) --without VoiceCoil --out docs/hidden-laws.md
 
 public-laws: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.public_laws
