@@ -6,6 +6,7 @@ or what is remembered of any of these.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
@@ -18,75 +19,10 @@ from .curves import ANY, SHAPES, coefficient, per
 from .declare import Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
+from .memory import LAGS, MEMORIES, Of, family
 
-MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
 KINDS = ("add", "multiply")
-_FAMILIES = {"": "over {}", "heat": "over temperature", "throughput": "over throughput"}  # others remember
-_LAGS = "lagged", "leading", "heat"
-
-
-@dataclass(frozen=True)
-class Of:
-    """A signal that a law hangs on.
-
-    Attributes
-    ----------
-    name : str
-        Input, state, law, or ``time``.
-    memory : {"", "lagged", "leading", "heat", "integrated", "throughput"}
-        What is remembered of it: behind a lag of first order, itself less that, its square behind a lag, as heat is,
-        integrated, or integrated in modulus.
-    constant : float
-        Time constant of the lag, s.
-    unit : str
-        SI unit of the signal itself.
-    scale : float
-        Typical magnitude of what is remembered.
-    start : float
-        What is remembered at first.
-    """
-
-    name: str
-    memory: str = ""
-    constant: float = 0.0
-    unit: str = "1"
-    scale: float = 1.0
-    start: float = 0.0
-
-    @property
-    def label(self) -> str:
-        """For people."""
-        by = f" by {self.constant:.3g} s" if self.constant else ""
-        words = {
-            "lagged": f" lagged{by}",
-            "leading": f" less itself lagged{by}",
-            "heat": f" squared, lagged{by}",
-            "integrated": " integrated",
-            "throughput": " integrated in modulus",
-        }
-        return self.name + words.get(self.memory, "")
-
-    @property
-    def words(self) -> str:
-        """The same without the constant, which is a parameter of what hangs on it."""
-        return replace(self, constant=0.0).label
-
-    @property
-    def unit_of_memory(self) -> str:
-        """SI unit of what is remembered."""
-        if self.memory in ("integrated", "throughput"):
-            return "s" if self.unit == "1" else f"({self.unit})*s"
-        if self.memory == "heat" and self.unit != "1":
-            return f"({self.unit})^2"
-        return self.unit
-
-
-def family(law: str, signal: str, memory: str = "") -> str:
-    """Family of effects of a law and a signal, as :class:`~fmus.kit.component.Term` has it.
-
-    What is heated has a temperature, and what passed is a throughput, whatever signal they are of.
-    """
-    return f"{law} {_FAMILIES.get(memory, 'remembering {}').format(signal)}"
+__all__ = ["KINDS", "MEMORIES", "Of", "correction", "family", "with_constant"]
 
 
 @dataclass(frozen=True)
@@ -101,6 +37,7 @@ class _Function:
 def correction(
     component: type[Component], law: str, of: Of | tuple[Any, ...], shape: str | Sequence[float], unit: str = "1",
     nominal: float = 1.0, kind: str = "add", values: Sequence[float] = (), fixed: bool = False, number: int = 1,
+    beside: bool = False,
 ) -> type[Effect]:  # fmt: skip
     """Let a law hang on a signal.
 
@@ -127,13 +64,15 @@ def correction(
         Whether a table's values are constants rather than parameters.
     number : int
         Beside others of the same law, signal and memory, of which each has its own parameters.
+    beside : bool
+        Whether a constant stands beside the shape: ``a (f(x) + b)``.
 
     Returns
     -------
     type[Effect]
         With a parameter that switches it, ``<law>_of_<signal>[_<memory>][_<number>]``: the amount ``a``, of a table 1
-        for all of it. Beside it, under that name, ``_width`` of a shape that has one, ``_at_<k>`` of a table's values,
-        ``_memory`` of what is remembered, ``_memory_constant`` of its lag.
+        for all of it. Beside it, under that name, ``_width`` of a shape that has one, ``_beside`` of a constant,
+        ``_at_<k>`` of a table's values, ``_memory`` of what is remembered, ``_memory_constant`` of its lag.
 
     Raises
     ------
@@ -151,7 +90,7 @@ def correction(
     memory = f"{own}_memory"
     size, wanted = (unit, nominal) if kind == "add" else ("1", 1.0)
     if isinstance(shape, str):
-        function = _shaped(law, of, shape, own, size, wanted)
+        function = _shaped(law, of, shape, own, size, wanted, beside)
     else:
         shape, values = tuple(map(float, shape)), tuple(map(float, values)) or (0.0,) * len(shape)
         _check_table(shape, values)
@@ -175,7 +114,7 @@ def correction(
         "neutral": own,
         "made_by": correction,
         # plain numbers, because a Python FMU writes them down
-        "made_with": (law, astuple(of), shape, unit, nominal, kind, values, fixed, number),
+        "made_with": (law, astuple(of), shape, unit, nominal, kind, values, fixed, number, beside),
         "assumption": f"{law} does not hang on {of.words}" + (" like this" if isinstance(shape, str) else ""),
         "__doc__": f"{law} hangs on {of.words}: {function.text}, "
         + ("added." if kind == "add" else "multiplied with one and it."),
@@ -193,12 +132,13 @@ def _plain(of: Of) -> Of:
     return replace(of, constant=float(of.constant), scale=float(of.scale), start=float(of.start))
 
 
-def _shaped(law: str, of: Of, shape: str, own: str, size: str, wanted: float) -> _Function:
+def _shaped(law: str, of: Of, shape: str, own: str, size: str, wanted: float, beside: bool) -> _Function:
     """One of the shapes; ``size`` and ``wanted`` are unit and typical magnitude of its values."""
-    chosen, width = SHAPES[shape], f"{own}_width"
+    chosen, width, constant = SHAPES[shape], f"{own}_width", f"{own}_beside"
+    text = with_constant(chosen.text) if beside else chosen.text
     declared = {
         own: coefficient(per(size, of.unit_of_memory, chosen.power), wanted / of.scale**chosen.power,
-                         f"{chosen.text} in {law}, x being {of.words} (a)")
+                         f"{text} in {law}, x being {of.counted} (a)")
     }  # fmt: skip
     if chosen.width:
         begin = chosen.width * of.scale
@@ -206,13 +146,35 @@ def _shaped(law: str, of: Of, shape: str, own: str, size: str, wanted: float) ->
         least = -ANY * of.scale if chosen.power else 1e-9 * of.scale
         declared[width] = Parameter(
             begin, of.unit_of_memory, min=least, max=1e3 * of.scale, nominal=begin,
-            doc=f"{of.words} at which {law} bends (w)",
+            doc=f"{of.counted} at which {law} bends (w)",
         )  # fmt: skip
+    if beside:
+        unit, typical = _power(of.unit_of_memory, chosen.power), of.scale**chosen.power
+        declared[constant] = Parameter(
+            0.0, unit, min=-ANY * typical, max=ANY * typical, nominal=typical, doc=f"beside the shape in {law} (b)"
+        )
 
     def value(self: Any, x: Any) -> Any:
-        return getattr(self, own) * chosen.form(x, getattr(self, width) if chosen.width else 1.0, of.scale)
+        x = x - of.zero if of.zero else x
+        form = chosen.form(x, getattr(self, width) if chosen.width else 1.0, of.scale)
+        return getattr(self, own) * (form + getattr(self, constant) if beside else form)
 
-    return _Function(chosen.text, value, declared)
+    return _Function(text, value, declared)
+
+
+def with_constant(text: str) -> str:
+    """Formula of a shape with a constant beside it: ``a (x^3 + b)`` for ``a x^3``."""
+    whole, *more = re.split(r"(?=, [^()]*$| with | beyond )", text.removeprefix("a "), maxsplit=1)
+    inner = whole[1:-1] if whole.startswith("(") and whole.endswith(")") else whole
+    return f"a ({inner} + b){''.join(more)}"
+
+
+def _power(unit: str, power: float) -> str:
+    """Unit of a power of what has a unit."""
+    if not power or unit == "1":
+        return "1"
+    within = f"({unit})" if "/" in unit or "*" in unit else unit
+    return within + (f"^{power:g}" if power != 1 else "")
 
 
 def _tabulated(
@@ -249,7 +211,7 @@ def _remembering(law: str, of: Of, memory: str, now: Callable[[Any], Any]) -> di
     state = State(
         of.unit_of_memory, rate=rate, start=of.start, nominal=of.scale, doc=f"{of.words}, on which {law} hangs"
     )
-    if of.memory not in _LAGS:
+    if of.memory not in LAGS:
         return {memory: state, rate: integral}
     least = 1e-3 * min(of.constant, 1.0)
     lag = Parameter(of.constant, "s", min=least, max=1e9, nominal=of.constant, doc=f"lag of {of.name}")
@@ -263,7 +225,7 @@ def _check_choices(of: Of, shape: str | Sequence[float], kind: str, nominal: flo
     if isinstance(shape, str) and shape not in SHAPES:
         raise UserError(f"no shape named {shape!r}{suggestion(shape, SHAPES)}")
     sizes = {f"typical magnitude of {of.name}": of.scale, "typical magnitude of the law": nominal}
-    if of.memory in _LAGS:
+    if of.memory in LAGS:
         sizes["time constant of a lag"] = of.constant
     for what, size in sizes.items():
         if not 0.0 < size < inf:

@@ -33,6 +33,7 @@ RUNTIME_MODULES = (
     "inputs",
     "integrate",
     "layout",
+    "memory",
     "sensors",
     "slave",
 )

@@ -14,11 +14,12 @@ from scipy.signal import lsim
 from fmus.galvanostat.model import Galvanostat
 from fmus.kit import UserError, smooth_table, stack, units
 from fmus.kit.component import effect_name
-from fmus.kit.corrections import KINDS, MEMORIES, Of, correction
+from fmus.kit.corrections import KINDS, MEMORIES, Of, correction, with_constant
 from fmus.kit.curves import SHAPES
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.report.laws.formula import formula
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
 from tests.support.clean.models.pendulum import Pendulum
 from tests.support.corrected import Plain
@@ -209,6 +210,41 @@ def test_every_shape(shape):
     values = {"base_of_drive": 1.3} | ({"base_of_drive_width": 0.6} if SHAPES[shape].width else {})
     exact = [SHAPES[shape].form(float(x), 0.6, 2.0) for x in WAVE]
     assert added(effect, values) == pytest.approx(1.3 * np.array(exact), abs=1e-9)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape_with_a_constant_beside_it_counted_from_elsewhere(shape):
+    effect = correction(Plain, "base", Of("drive", scale=2.0, zero=0.7), shape, "V", beside=True)
+    values = {"base_of_drive": 1.3, "base_of_drive_beside": -0.4}
+    values |= {"base_of_drive_width": 0.6} if SHAPES[shape].width else {}
+    exact = [SHAPES[shape].form(float(x) - 0.7, 0.6, 2.0) - 0.4 for x in WAVE]
+    assert added(effect, values) == pytest.approx(1.3 * np.array(exact), abs=1e-9)
+    assert added(effect, values | {"base_of_drive": 0.0}) == pytest.approx(0.0 * WAVE, abs=0.0), "one switch for both"
+    assert formula(effect.term.shape) == formula(with_constant(SHAPES[shape].text)), "and it can be typeset"
+
+
+@pytest.mark.parametrize(
+    ("shape", "text"),
+    [
+        ("cubic", "a (x^3 + b)"),
+        ("levelling", "a (x - w tanh(x / w) + b)"),
+        ("weir", "a (e sqrt(e / n) + b) with e = max(x - w, 0)"),
+        ("sign_beyond", "a (sign(x) + b) beyond |x| = w, smooth"),
+        ("stribeck", "a (sign(x) exp(-(x / w)^2) + b), smooth"),
+        ("lower_stop", "a (min(x + w, 0) + b)"),
+    ],
+)
+def test_formula_with_a_constant(shape, text):
+    assert with_constant(SHAPES[shape].text) == text
+
+
+def test_unit_of_a_constant_is_that_of_the_shape():
+    effect = correction(Plain, "base", Of("drive", "integrated", unit="V"), "cubic", "N", beside=True)
+    assert effect.declared["base_of_drive_integrated_beside"].unit == "((V)*s)^3"
+    assert (
+        correction(Plain, "base", Of("drive", unit="V"), "sign", beside=True).declared["base_of_drive_beside"].unit
+        == "1"
+    )
 
 
 def test_a_law_multiplied():
