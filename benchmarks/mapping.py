@@ -50,7 +50,7 @@ def once(count: int) -> None:
     """Map one record; print seconds, peak memory in kB, entries, and seconds of one simulation with derivatives."""
     import resource  # not on every system
 
-    from orchestration.discrepancy.laws.discovery import search_of
+    from orchestration.discrepancy.laws.base import search_of
     from orchestration.discrepancy.laws.map import LawMap
     from orchestration.discrepancy.pipeline import Options, judge
 

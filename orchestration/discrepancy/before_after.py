@@ -9,11 +9,11 @@ from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, Change, changes
-from orchestration.discrepancy.corrected import usable
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.records import dataset, refuse_same
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
+from orchestration.discrepancy.laws.base import usable
 from orchestration.discrepancy.note import Note, UnusableRecordError
 from orchestration.discrepancy.pipeline import Options, Result, absent_inputs, budget_of, parameters_given
 from orchestration.records import Record

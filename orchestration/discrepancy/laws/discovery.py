@@ -14,23 +14,23 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.holdout import ValidationData, is_at_rest
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.laws.band import Band
+from orchestration.discrepancy.laws.base import search_of
 from orchestration.discrepancy.laws.entry import Entry, alike
 from orchestration.discrepancy.laws.fitting import RELAXATIONS, FittedEntry, Fitting
 from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.parallel import side_by_side
-from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.discrepancy.selection.stepwise import Selection, Step
+from orchestration.discrepancy.selection.search import FAILURES
 from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome, score
-from orchestration.discrepancy.validation.errors_in_variables import assess, defensible, nothing
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.effects import catalogue, families
-from orchestration.records.joined import base_name
 
 Array = NDArray[np.float64]
 _TOLD, _MAPPED = 6, 3  # curves that are fitted to the end: by their first fits, and by the map
+_PLAIN, _MUCH = 40, 1.5  # more signals as they are, where so many widths of noise are left
 _NEAR = 0.5  # of the fall of the best, which a correction that is told must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
-_ABOUT = 0.05  # of what the best gains, likewise: no curve, and no lag, is quite the plant's
+# of what the best gains, likewise: no curve, and no lag, is quite the plant's; and of the same law and signal
+_ABOUT, _OTHERWISE = 0.02, 0.05
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,6 @@ class Correction:
         What data that no fit has seen say of it.
     errors : tuple of dict of str to float
         Normalised RMS errors on those, without and with it.
-    by_noise : tuple of str
-        Inputs of which the noise alone makes as much evidence for it.
     """
 
     fitted: FittedEntry
@@ -67,7 +65,6 @@ class Correction:
     alike: tuple[Entry, ...] = ()
     confirmation: Confirmation | None = None
     errors: tuple[dict[str, float], dict[str, float]] = ({}, {})
-    by_noise: tuple[str, ...] = ()
 
     @property
     def entry(self) -> Entry:
@@ -81,14 +78,13 @@ class Correction:
 
     @property
     def confirmed(self) -> bool:
-        """Whether unseen data are surely likelier with it, simulated no worse on the whole, and not by noise of inputs.
+        """Whether unseen data are surely likelier with it, and simulated no worse on the whole.
 
-        A simulation may be worse and likelier at once, where noise is taken to wander and the correction does too. What
-        noise of an input does to a model that is fed it, it does to unseen data as well.
+        A simulation may be worse and likelier at once, where noise is taken to wander and the correction does too.
         """
         sure = self.confirmation is not None and self.confirmation.outcome is Outcome.CONFIRMED
         before, after = (float(np.mean(np.square(list(e.values())))) if e else 0.0 for e in self.errors)
-        return sure and after <= before and not self.by_noise
+        return sure and after <= before
 
     @property
     def band(self) -> tuple[Array, Array, Array]:
@@ -149,23 +145,28 @@ def discover(
     progress(f"fitting {len(chosen)} corrections of laws")
     fitting, below = Fitting(search, base, found), base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
     fitted = _fitted(fitting, chosen, below)
+    best = next(iter(fitted), None)
+    more = _second_look(best, found.widths(best.residual if best else base.fit.residual), chosen, telling)
+    if more:
+        progress(f"fitting {len(more)} more")
+        chosen = [*chosen, *more]
+        fitted = _telling([*fitted, *_fitted(fitting, more, below)], below)
     as_good = _as_good(found, fitted, below)
     good = [one.entry for one in as_good]
     worse = [entry for entry in chosen if entry.what not in {other.what for other in good}]
     corrections: list[Correction] = []
     for one in [*as_good, *fitted[len(as_good) :]]:
-        best = one if corrections else fitting.bent(one)
-        shapes = [] if corrections else fitting.shapes(best)
-        shape, model = _nearest(shapes, best) or ("", fitting.tabulated(best))
+        curved = one if corrections else fitting.bent(one)
+        shapes = [] if corrections else fitting.shapes(curved)
+        shape, model = _nearest(shapes, curved) or ("", fitting.tabulated(curved))
         if model is None or any(one.entry.what == other.entry.what for other in corrections):
             continue
-        gain = below - (model.fit.bic if shape else best.criterion)
-        above = tuple((name, shaped.fit.bic - best.criterion) for name, shaped in shapes)
+        gain = below - (model.fit.bic if shape else curved.criterion)
+        above = tuple((name, shaped.fit.bic - curved.criterion) for name, shaped in shapes)
         of = () if corrections else _not_told_apart(found, one.entry, good, worse, entries)
-        correction = Correction(best, gain, shape, model, above, of)
+        correction = Correction(curved, gain, shape, model, above, of)
         if not corrections:
             correction = _judged(correction, base, diagnosis.validation)
-            correction = replace(correction, by_noise=_by_noise(search, base, correction, len(entries)))
         corrections.append(correction)
     return LawMapResult(base, entries, found.chance, corrections)
 
@@ -182,17 +183,45 @@ def _fitted(fitting: Fitting, chosen: Sequence[Entry], below: float) -> list[Fit
     # a fit from afar may need more than its first steps, and the map knows
     mapped = sorted(curves[_TOLD:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
     ended = [*(one for one in first if one.table is None), *side_by_side(fitting.settled, [*curves[:_TOLD], *mapped])]
-    settled = sorted(ended, key=lambda one: one.criterion)
-    return [one for one in settled if below - one.criterion > max(_NEAR * (below - settled[0].criterion), 0.0)]
+    return _telling(ended, below)
+
+
+def _telling(fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
+    """Those that come near the best, the best first."""
+    ordered = sorted(fitted, key=lambda one: one.criterion)
+    return [one for one in ordered if below - one.criterion > max(_NEAR * (below - ordered[0].criterion), 0.0)]
+
+
+def _second_look(best: FittedEntry | None, left: float, done: Sequence[Entry], entries: Sequence[Entry]) -> list[Entry]:
+    """What does the same as the best to first order, signals as they are before what remembers.
+
+    Where many widths of noise are left, all signals as they are: so far from a record the first order tells little.
+    """
+    tried = {e.what for e in done}
+    rest: dict[tuple[str, ...], Entry] = {}
+    for entry in entries:
+        if entry.what not in tried:
+            rest.setdefault(entry.what, entry)
+    ordered = sorted(rest.values(), key=lambda e: e.signal.memory != "")
+    like = [e for e in ordered if best and alike(e, best.entry)][:_TOLD]
+    plain = [e for e in ordered if not e.signal.memory][:_PLAIN] if left > _MUCH else []
+    return list({e.what: e for e in (*like, *plain)}.values())
 
 
 def _as_good(found: LawMap, fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
     """Those about as good as the best of several, what is nearest to the model first."""
     if not fitted:
         return []
-    limit = fitted[0].criterion + _within(below - fitted[0].criterion)
+    best, most = fitted[0], below - fitted[0].criterion
+
+    def behind(one: FittedEntry) -> float:
+        # what is added and what is multiplied have the same curve, on other knots
+        same = one.entry.what[:3] == best.entry.what[:3]
+        return max(_AS_GOOD, (_OTHERWISE if same else _ABOUT) * most)
+
     return sorted(
-        (one for one in fitted if one.criterion <= limit), key=lambda one: found.plausible.far_fetched(one.entry)
+        (one for one in fitted if one.criterion <= best.criterion + behind(one)),
+        key=lambda one: found.plausible.far_fetched(one.entry),
     )
 
 
@@ -226,29 +255,9 @@ def _nearer(entry: Entry, one: Entry, other: Entry) -> bool:
     return abs(float(entry.direction @ one.direction)) > abs(float(entry.direction @ other.direction))
 
 
-def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> Search:
-    """Fits of models over the estimation data of a diagnosis, that search what its base was searched for."""
-    problem, base = diagnosis.selection.base.problem, diagnosis.selection.base
-    names = list(dict.fromkeys(map(base_name, problem.names)))
-    known = {p.name for p in base.candidate.cls.layout.parameters}
-    fixed = {n: v for n, v in problem.start.items() if n in known and n not in names}
-    start = {n: v for n, v in problem.start.items() if n in names}
-    several = (base_name(n) for n in problem.names if base_name(n) != n and not problem.declared[n].starts)
-    search = Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, progress)
-    return replace(search, each=list(dict.fromkeys(several)))
-
-
 def _nearest(shapes: Sequence[tuple[str, FittedCandidate]], one: FittedEntry) -> tuple[str, FittedCandidate] | None:
     """The best shape, if it is as good as the curve."""
     return shapes[0] if shapes and shapes[0][1].fit.bic <= one.criterion + _AS_GOOD else None
-
-
-def _by_noise(search: Search, base: FittedCandidate, one: Correction, tried: int) -> tuple[str, ...]:
-    """Inputs of which the noise makes as much evidence for what would be confirmed."""
-    noise = assess(search, base) if one.confirmed else nothing(base)
-    step = Step(one.model, one.gain, one.gain, 0.0, [], [])
-    kept, _ = defensible(Selection(base, [step], [], tried), search, noise)
-    return () if kept.steps else tuple(noise.deviation)
 
 
 def _judged(one: Correction, base: FittedCandidate, validation: ValidationData) -> Correction:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from orchestration.identify.noise.model import Noise, Whitening
 from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
+_SHARES = 1.0, 0.3, 0.0  # of what the map says of a curve, from which a fit may begin
 _ROUNDS, _FALL = 8, 2.0  # of choosing noise and roughness anew and fitting on, while the criterion falls by so much
 # fall of the cost, relative, that ends a fit, and points that it tries at most
 _ROUGHLY, _SETTLED = (1e-3, 20), (1e-6, 200)
@@ -95,9 +97,9 @@ class CurveFit:
         """
         problem, base = self.problem, self._base
         tried = []
-        for own in starts:
+        for own, share in product(starts, _SHARES):
             q = problem.position(problem.start | base.fit.values | dict(own))
-            q[self._own :] = curve.values / self._size
+            q[self._own :] = share * curve.values / self._size
             try:
                 error, _ = problem.evaluate(problem.inside(q))
             except UserError:
@@ -105,10 +107,6 @@ class CurveFit:
             with np.errstate(over="ignore"):  # a simulation that runs away is far off
                 size = sum(float(np.log(e @ e)) for e in error.values())
             tried.append((size, problem.inside(q)))
-        if not tried:
-            q = problem.position(problem.start | base.fit.values)
-            q[self._own :] = 0.0
-            tried = [(0.0, q)]
         q = min(tried, key=lambda t: t[0])[1]
         error, _ = problem.evaluate(q)
         found = self._fitted(q, Whitening.of(floor, error, problem.present), curve, _ROUGHLY)

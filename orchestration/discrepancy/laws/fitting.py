@@ -19,7 +19,7 @@ from orchestration.discrepancy.laws.entry import Entry
 from orchestration.discrepancy.laws.evidence import Curve
 from orchestration.discrepancy.laws.fit import CurveFit, FittedCurve
 from orchestration.discrepancy.laws.map import LawMap
-from orchestration.discrepancy.laws.shapes import Likeness, called, likenesses
+from orchestration.discrepancy.laws.shapes import Likeness, called, likenesses, zero_of
 from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.search import FAILURES, Search
 
@@ -59,6 +59,12 @@ class FittedEntry:
     fit: CurveFit | None = None
     table: FittedCurve | None = None
     straight: FittedCandidate | None = None
+
+    @property
+    def residual(self) -> dict[str, Array]:
+        """Measured minus simulated, by output."""
+        fitted = self.table or (self.straight.fit if self.straight else None)
+        return dict(fitted.residual) if fitted else {}
 
 
 class Fitting:
@@ -107,14 +113,15 @@ class Fitting:
         known = {"linear": one.straight} if one.straight else {}
         if one.straight is not None and one.entry.signal.memory in RELAXATIONS:
             return [("linear", one.straight)]
-        near = [like for like in likenesses(one.entry.basis, one.curve, self.signal(one.entry).scale)
+        of = self.signal(one.entry, zero_of(one.entry.basis))
+        near = [like for like in likenesses(one.entry.basis, one.curve, of.scale, zero=of.zero)
                 if like.shape not in known][:_SHAPES]  # fmt: skip
         tried = side_by_side(lambda like: _or_none(lambda: self._shaped(one, like)), near)
         fitted = [*known.items(), *((like.shape, model) for like, model in zip(near, tried, strict=True) if model)]
         several: dict[str, FittedCandidate] = {}
         for shape, model in sorted(fitted, key=lambda pair: pair[1].fit.bic):
             width = model.fit.values.get(f"{model.effect.neutral}_width", 0.0)
-            several.setdefault(called(shape, width, one.entry.basis), model)
+            several.setdefault(called(shape, width, of.scale), model)
         return list(several.items())
 
     def tabulated(self, one: FittedEntry) -> FittedCandidate | None:
@@ -134,13 +141,14 @@ class Fitting:
         knots = [float(x) for x in entry.basis.knots]
         unit = unit_of(cls, entry.law)
         more["number"] = self._number(entry)
-        return correction(cls, entry.law, self.signal(entry), shape or knots, unit, size, entry.kind, **more)
+        of = self.signal(entry, zero_of(entry.basis) if shape and shape != "linear" else 0.0)
+        return correction(cls, entry.law, of, shape or knots, unit, size, entry.kind, **more)
 
-    def signal(self, entry: Entry) -> Of:
+    def signal(self, entry: Entry, zero: float = 0.0) -> Of:
         """The signal of an entry, as a correction takes it."""
         signal, unit = entry.signal, unit_of(self._base.candidate.cls, entry.signal.name)
-        scale = float(np.abs(entry.basis.knots).max()) or 1.0
-        return Of(signal.name, signal.memory, signal.constant, unit, scale, self._found.begins(entry))
+        scale = float(np.abs(entry.basis.knots - zero).max()) or 1.0
+        return Of(signal.name, signal.memory, signal.constant, unit, scale, self._found.begins(entry), zero)
 
     def _number(self, entry: Entry) -> int:
         """One, or where the model remembers the signal in the law already, one more: every lag has its own constant."""
@@ -148,10 +156,15 @@ class Fitting:
         return 1 + beside.count(entry.family)
 
     def _shaped(self, one: FittedEntry, like: Likeness) -> FittedCandidate:
-        """A shape in its place."""
-        effect = self.effect(one.entry, like.shape)
-        start = _own(one, effect) | {effect.neutral: like.amount}
-        return self._fitted(effect, start | ({f"{effect.neutral}_width": like.width} if like.width else {}))
+        """A shape in its place; the likelier one of those with and without a constant, where it may have one."""
+        tried = []
+        for beside in {bool(like.beside), False}:
+            effect = self.effect(one.entry, like.shape, beside=beside)
+            own = effect.neutral
+            start = {own: like.amount, f"{own}_width": like.width, f"{own}_beside": like.beside}
+            known = {n: v for n, v in start.items() if n in effect.declared}
+            tried.append(self._fitted(effect, _own(one, effect) | known))
+        return min(tried, key=lambda model: model.fit.bic)
 
     def _as_curve(self, entry: Entry) -> FittedEntry:
         found, base = self._found, self._base

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from fmus.kit.corrections import MEMORIES, correction, family
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.laws.course import FreeCourse, follow
 from orchestration.discrepancy.laws.entry import Entry
 from orchestration.discrepancy.laws.evidence import FEW, Basis, Columns
-from orchestration.discrepancy.laws.linearised import LEAST, MOST, LinearisedRecord
+from orchestration.discrepancy.laws.linear.course import FreeCourse, follow
+from orchestration.discrepancy.laws.linear.linearised import LinearisedRecord
+from orchestration.discrepancy.laws.linear.powers import moved, powers, reach
+from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides, responses_of_runs
 from orchestration.discrepancy.laws.plausible import Plausible
-from orchestration.discrepancy.laws.response import Course, LinearResponse, Sides, responses_of_runs
 from orchestration.discrepancy.laws.signals import Signal, is_new, of, plain, remembered
 from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.search import Search
@@ -23,7 +24,8 @@ from orchestration.identify.noise.model import Noise, estimate
 from orchestration.records.joined import Run
 
 Array = NDArray[np.float64]
-_MEMORIES = {"add": MEMORIES, "multiply": ("", "lagged", "heat", "throughput")}  # of signals, by kind of correction
+# of signals, by kind of correction: a factor that leads is one that lags, and the signal as it is
+_MEMORIES = {"add": MEMORIES, "multiply": tuple(m for m in MEMORIES if m != "leading")}
 _QUANTILES = np.linspace(0.0, 1.0, 101)
 _AT_ONCE = 48  # signals whose columns are in memory together
 _STILL = 1e-9  # of its size, within which a law is a constant
@@ -75,6 +77,7 @@ class LawMap:
             self._outputs,
         )  # fmt: skip
         self.candidates = self._different_laws(parts)
+        self._powers = powers(self.laws, parts[0][1], parts[0][0].values(values), problem.names)
         others = _other_names(parts)
         self._constants = {
             law for law in self.laws.names if all(_is_constant(r.values[law].begin) for _, _, r in parts)
@@ -144,7 +147,7 @@ class LawMap:
 
     def _of_law(self, law: str, noise: Mapping[str, Noise]) -> Iterator[Entry]:
         course = self.courses[law]
-        record = LinearisedRecord(course, self._fitted.fit.prior_precision, self._present, noise)
+        record = LinearisedRecord(course, self._fitted.fit.prior_precision, self._present, noise, reach(self._powers))
         signals = self.signals_of(course)
         for name, kind, mine in self._asked(course, list(signals)):
             for at in range(0, len(mine), _AT_ONCE):
@@ -170,6 +173,10 @@ class LawMap:
             if known:
                 yield law, kind, known
 
+    def widths(self, residual: Mapping[str, Array]) -> float:
+        """What is left of an output, in widths of the noise that is left at best, at most."""
+        return max(float(np.sqrt(np.mean(e**2))) / self.floor[o].deviation for o, e in residual.items())
+
     def begins(self, entry: Entry) -> float:
         """What a lag remembers at first: the signal, as it is then."""
         if entry.signal.memory not in ("lagged", "leading"):
@@ -181,10 +188,8 @@ class LawMap:
         """Values of the model's own parameters that go with a correction, if all is linear."""
         problem = self._fitted.problem
         q = problem.position(problem.start | self.courses[entry.driven].values)
-        # a logarithm moves by less than what it is of
-        relative = np.log1p(np.clip(entry.step, LEAST, MOST))
-        moved = np.where([scale.logarithmic for scale in problem.scales], relative, np.clip(entry.step, -1.0, 1.0))
-        return problem.values(np.clip(q + moved, *problem.bounds()))
+        logarithmic = np.array([scale.logarithmic for scale in problem.scales], dtype=bool)
+        return problem.values(np.clip(q + moved(entry.step, self._powers, logarithmic), *problem.bounds()))
 
     def _is_loop(self, signal: Signal, law: str) -> bool:
         """Whether a signal is computed from the law at the same time, other than being that law without more."""

@@ -9,7 +9,7 @@ from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.laws.entry import Entry, alike, same
 
 _MEMORY = ("", "leading", "lagged", "integrated", "throughput", "heat")  # the plainest first
-_NATURAL, _REMEMBERING, _OTHERS = 8, 8, 16  # entries that are fitted: of signals that the law hangs on, and others
+_NATURAL, _REMEMBERING, _OTHERS = 8, 8, 24  # entries that are fitted: of signals that the law hangs on, and others
 _NEARLY = 0.95  # of the gain of the best of its like, which a correction that is nearer to the model must have
 
 
@@ -46,7 +46,7 @@ class Plausible:
         several = entry.kind == "add" or len(self._laws.computed_from(entry.law)) > 1
         return several and self.reads(entry.law, entry.signal.name)
 
-    def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, bool, int]:
+    def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, int, int]:
         """How far a correction is from what the model says, for an order: what is near it is the likelier one.
 
         A signal is near where it stands in what the law acts on; to couple what the model keeps apart is a claim.
@@ -56,7 +56,7 @@ class Plausible:
         remembers = len(_MEMORY) if drifts else _MEMORY.index(entry.signal.memory)
         natural = self.is_natural(entry)
         known = entry.family in self._families
-        odd = entry.kind != "add" or entry.signal.name == entry.law
+        odd = (entry.kind != "add") + (entry.signal.name == entry.law)
         return not self._is_near(entry), remembers > 0, not known, not natural, odd, remembers
 
     def _is_near(self, entry: Entry) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from fmus.kit.corrections import Of
-from orchestration.discrepancy.laws.response import Course, Sides, continuous
+from orchestration.discrepancy.laws.linear.response import Course, Sides, continuous
 
 Array = NDArray[np.float64]
 LAGS = 4  # time constants that are looked at, from a few samples to a fraction of the record

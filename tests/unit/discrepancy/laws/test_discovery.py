@@ -10,28 +10,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orchestration.api.records import read_record
-from orchestration.discrepancy.laws.course import follow
-from orchestration.discrepancy.laws.discovery import discover, search_of
+from orchestration.discrepancy.laws.base import search_of
+from orchestration.discrepancy.laws.discovery import discover
 from orchestration.discrepancy.laws.fit import CurveFit
 from orchestration.discrepancy.laws.fitting import Fitting
+from orchestration.discrepancy.laws.linear.course import follow
 from orchestration.discrepancy.laws.map import LawMap
-from orchestration.discrepancy.pipeline import Options, judge
-from orchestration.fmu.model import find_model
+from orchestration.discrepancy.laws.plausible import Plausible
 from tests.support.clean.plants import PLANTS
-from tests.support.clean.records import KINDS, Case, conditions, draw
+from tests.support.clean.records import KINDS, conditions, draw
 from tests.support.hidden.change import static
 from tests.support.hidden.curves import hard_sinh, power
 from tests.support.hidden.plants import altered
-from tests.support.lacking import motor
+from tests.support.lacking import diagnosed, motor
 
 pytestmark = pytest.mark.timeout(120)
 HIDDEN = power(0.04, 150.0, 2.0)
-
-
-def diagnosed(path, model):
-    subject = find_model(model)
-    return judge([read_record(path, subject)], subject, None, Options(effects=[])).diagnosis
 
 
 @pytest.fixture(scope="module")
@@ -119,16 +113,6 @@ def test_what_is_likelier_and_simulates_worse_is_not_confirmed(drag):
     assert not replace(best, errors=(after, before)).confirmed
 
 
-def test_what_noise_of_an_input_does_is_not_confirmed(tmp_path):
-    """Of a current that is one of two levels the measured one tells less the farther off it is: a curve, and none."""
-    drawn = draw(Case("Cell", "PRBS", "on input", seed=2026112900063, timing="long", smooth=False, at_rest=False))
-    best = discover(diagnosed(drawn.write(tmp_path / "cell.csv"), drawn.plant.model)).corrections[0]
-    assert (best.entry.law, best.entry.signal.name) == ("drop", "current")
-    assert best.by_noise == ("current",)
-    assert not best.confirmed
-    assert replace(best, by_noise=()).confirmed, "unseen data have such noise too"
-
-
 def test_what_is_told_stands_there_once(drag, spring):
     """Of lags with several constants one is fitted, since its constant is fitted too."""
     for _, diagnosis in (drag, spring):
@@ -157,6 +141,30 @@ def test_a_fit_starts_from_the_nearest_of_its_starts(drag):
     ]
     assert fits[1].criterion == pytest.approx(fits[0].criterion, abs=0.1)
     assert fits[2].criterion == pytest.approx(fits[0].criterion, abs=0.1)
+
+
+def test_a_fit_begins_with_less_of_a_curve_where_the_map_is_far_off(drag):
+    """From a curve three thousand times as large, and the other way, it ends where it ends from the right one."""
+    _, diagnosis = drag
+    base, search = diagnosis.selection.base, search_of(diagnosis)
+    found = LawMap(search, base)
+    best = next(e for e in found.entries() if e.what == ("friction", "omega", "", "add"))
+    fit = CurveFit(search, base, Fitting(search, base, found).effect(best), best.basis)
+    much = replace(best.curve, values=-3000.0 * best.curve.values)
+    right, wrong = (fit.settled(fit.first([base.fit.values], c, found.floor)) for c in (best.curve, much))
+    assert base.fit.bic - right.criterion > 200.0
+    assert wrong.criterion == pytest.approx(right.criterion, abs=2.0)
+
+
+def test_where_the_best_of_the_map_leaves_much_every_signal_is_tried(drag, monkeypatch):
+    """The first order may be wrong: what it would not have fitted is found all the same."""
+    others = ("acceleration", "load", "", "add")
+    monkeypatch.setattr(
+        LawMap, "entries", lambda self, known=LawMap.entries: [e for e in known(self) if not e.signal.memory]
+    )
+    monkeypatch.setattr(Plausible, "worth_a_fit", lambda self, entries: [e for e in entries if e.what == others])
+    best = discover(drag[1]).corrections[0]
+    assert best.entry.what[:2] == ("friction", "omega")
 
 
 def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(drag):

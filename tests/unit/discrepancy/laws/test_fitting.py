@@ -13,7 +13,8 @@ import pytest
 
 from orchestration.api.records import read_record
 from orchestration.discrepancy.candidates.candidate import own_parameters
-from orchestration.discrepancy.laws.discovery import discover, search_of
+from orchestration.discrepancy.laws.base import search_of
+from orchestration.discrepancy.laws.discovery import discover
 from orchestration.discrepancy.laws.fitting import Fitting
 from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.pipeline import Options, judge

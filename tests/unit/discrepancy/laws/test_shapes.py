@@ -7,7 +7,7 @@ import pytest
 
 from fmus.kit.curves import SHAPES
 from orchestration.discrepancy.laws.evidence import Basis, Curve
-from orchestration.discrepancy.laws.shapes import called, likenesses
+from orchestration.discrepancy.laws.shapes import called, likenesses, zero_of
 
 BASIS = Basis(np.linspace(-2.0, 2.0, 21))
 FORMS = {
@@ -47,7 +47,7 @@ def test_a_shape_is_named(name, amount):
 
 @pytest.mark.parametrize(("width", "name"), [(0.02, "sign"), (0.5, "saturating")])
 def test_a_saturation_that_is_abrupt_is_a_step(width, name):
-    assert called("sign", width, BASIS) == called("saturating", width, BASIS) == name
+    assert called("sign", width, 2.0) == called("saturating", width, 2.0) == name
 
 
 def test_all_shapes_are_told_the_nearest_first():
@@ -79,3 +79,28 @@ def test_a_covariance_that_rounding_has_made_singular_does_no_harm():
 def test_what_is_all_the_models_own_looks_like_nothing():
     basis, nothing = Basis(np.linspace(0.0, 1.0, 5)), np.zeros((5, 5))
     assert likenesses(basis, Curve(0.0, np.zeros(5), nothing, nothing, 0.0), 1.0) == []
+
+
+def test_a_constant_stands_beside_a_shape_where_the_curve_has_one():
+    cube = BASIS.knots**3
+    plain, raised = (likenesses(BASIS, known(values), 1.0)[0] for values in (3.0 * cube, 3.0 * cube + 6.0))
+    assert (plain.shape, plain.beside) == ("cubic", 0.0)
+    assert raised.shape == "cubic"
+    assert (raised.amount, raised.beside) == pytest.approx((3.0, 2.0), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "zero"),
+    [(273.0, 323.0, 298.0), (-2.0, 2.0, 0.0), (0.0, 5.0, 0.0), (8.0, 14.0, 0.0), (-55, -50, -52)],
+)
+def test_what_never_comes_near_nothing_is_counted_from_the_middle(low, high, zero):
+    assert zero_of(Basis(np.linspace(low, high, 9))) == pytest.approx(zero, abs=0.6)
+
+
+def test_an_exponential_over_an_absolute_temperature_is_one():
+    basis = Basis(np.linspace(283.0, 323.0, 21))
+    values = 0.4 * np.exp((basis.knots - 290.0) / 12.0)
+    zero = zero_of(basis)
+    best = likenesses(basis, known(values), 20.0, zero=zero)[0]
+    assert best.shape == "exponential"
+    assert best.width == pytest.approx(12.0, rel=0.5), "one of a few widths, with which a fit begins"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 from scipy.signal import lsim
 
-from orchestration.discrepancy.laws.response import Course, Sides, continuous
+from orchestration.discrepancy.laws.linear.response import Course, Sides, continuous
 from orchestration.discrepancy.laws.signals import LAGS, Signal, integrated, is_new, lagged, of, plain, remembered
 
 TIME = np.linspace(0.0, 20.0, 401)

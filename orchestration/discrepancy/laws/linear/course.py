@@ -18,8 +18,8 @@ from fmus.kit import Component, Effect, Input
 from fmus.kit.errors import UserError
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.laws.response import Course, LinearResponse, Sides, responses_of_runs
-from orchestration.discrepancy.laws.smoothing import Wanted, calmest, smoothed
+from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides, responses_of_runs
+from orchestration.discrepancy.laws.linear.smoothing import Wanted, calmest, smoothed
 from orchestration.discrepancy.selection.search import Search
 from orchestration.identify.noise.model import noise_std
 from orchestration.records.joined import Run

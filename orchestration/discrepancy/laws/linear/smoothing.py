@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from orchestration.discrepancy.laws.response import LinearResponse
+from orchestration.discrepancy.laws.linear.response import LinearResponse
 
 Array = NDArray[np.float64]
 _STIRRED = np.geomspace(1e-3, 1e3, 7)  # how far a course may go over a record, in sizes that explain what is wrong

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from orchestration.discrepancy.laws.course import FreeCourse
 from orchestration.discrepancy.laws.evidence import Curve
+from orchestration.discrepancy.laws.linear.course import FreeCourse
 from orchestration.identify.noise.model import Noise, Whitening
 
 Array = NDArray[np.float64]
-LEAST, MOST = -0.9, 20.0  # that a parameter may move beside a correction, relative to it
 _DRAWS, _SEED = 39, 14  # of noise, by which is told what the best of so many entries gains by chance
 
 
@@ -22,8 +21,9 @@ class LinearisedRecord:
     """What is to be explained, whitened, and free of what the model's own parameters can do."""
 
     def __init__(
-        self, course: FreeCourse, prior: Array, present: Mapping[str, NDArray[np.bool_]], noise: Mapping[str, Noise]
-    ):
+        self, course: FreeCourse, prior: Array, present: Mapping[str, NDArray[np.bool_]], noise: Mapping[str, Noise],
+        reach: tuple[Array, Array],
+    ):  # fmt: skip
         residual, slopes = course.residual, course.slopes
         # an outlier is what no course explains, and not what a model lacks
         self._whitened = Whitening.of(noise, course.left, present)
@@ -40,7 +40,8 @@ class LinearisedRecord:
         self._whole, self._slopes = self._whitened(residual), columns
         # how far a parameter of the model may go: what a course makes of its trace is not what is there without
         self._prior = prior
-        self._least, self._most = np.where(prior > 0.0, LEAST, -np.inf), np.where(prior > 0.0, MOST, np.inf)
+        least, most = reach
+        self._least, self._most = np.where(prior > 0.0, least, -np.inf), np.where(prior > 0.0, most, np.inf)
         self.residual = self.free(self._whole)
         self.samples = len(self.residual)
         self.noise = np.random.default_rng(_SEED).normal(size=(self.samples, _DRAWS))
@@ -69,9 +70,9 @@ class LinearisedRecord:
         root = axes * np.sqrt(np.clip(values, 0.0, None))
         count = len(self._least)
         rows = np.hstack([self._slopes, -columns @ root])
-        known = np.diag(np.append(np.sqrt(self._prior), np.ones(len(root))))
-        sizes = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-        q, r = np.linalg.qr(np.vstack([rows, known]) / sizes)
+        whole = np.vstack([rows, np.diag(np.append(np.sqrt(self._prior), np.ones(len(root))))])
+        sizes = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+        q, r = np.linalg.qr(whole / sizes)
         free = np.full(len(root), np.inf)
         ends = (np.append(end, far) * sizes for end, far in ((self._least, -free), (self._most, free)))
         found = lsq_linear(r, -q[: len(rows)].T @ self._whole, tuple(ends), method="bvls").x / sizes

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.symbolic.perturbed import PerturbedLaws
-from orchestration.discrepancy.laws.response import Course, LinearResponse, Sides
-from orchestration.discrepancy.laws.smoothing import Wanted, calmest, smoothed
+from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides
+from orchestration.discrepancy.laws.linear.smoothing import Wanted, calmest, smoothed
 
 N, STEP, LAG = 120, 0.1, 0.7
 

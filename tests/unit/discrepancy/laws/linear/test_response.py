@@ -13,7 +13,7 @@ from fmus.kit.curves import SHAPES, curve
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.laws.response import Course, LinearResponse, Sides, continuous, responses_of_runs
+from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides, continuous, responses_of_runs
 from orchestration.records.joined import Run
 from tests.support.clean.models.pendulum import Pendulum
 

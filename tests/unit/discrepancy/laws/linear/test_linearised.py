@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from orchestration.discrepancy.laws.course import FreeCourse
-from orchestration.discrepancy.laws.evidence import Basis, Columns
-from orchestration.discrepancy.laws.linearised import LEAST, MOST, LinearisedRecord
+from orchestration.discrepancy.laws.evidence import Basis, Columns, Curve
+from orchestration.discrepancy.laws.linear.course import FreeCourse
+from orchestration.discrepancy.laws.linear.linearised import LinearisedRecord
+from orchestration.discrepancy.laws.linear.powers import LEAST, MOST, reach
 from orchestration.identify.noise.model import white
 
 SAMPLES = 200
@@ -25,7 +26,7 @@ def record(own, step):
     residual = {"y": HATS @ np.array([0.4, -0.1, 0.0, 0.2, 0.9]) - own @ step + noise}
     left = {"y": np.random.default_rng(2).normal(size=SAMPLES)}
     course = FreeCourse("law", residual, left, {"y": own}, [], {})
-    made = LinearisedRecord(course, PRIOR, {"y": np.ones(SAMPLES, dtype=bool)}, white(left))
+    made = LinearisedRecord(course, PRIOR, {"y": np.ones(SAMPLES, dtype=bool)}, white(left), reach(np.ones(3)))
     return made, made({"y": residual["y"]}), made({"y": own}), made({"y": HATS})
 
 
@@ -76,3 +77,17 @@ def test_what_is_out_of_reach_is_the_least_that_bounds_allow(step):
     assert (moved[:2] <= MOST + 1e-9).all()
     assert min(moved[:2] - LEAST) < 1e-6 or min(MOST - moved[:2]) < 1e-6
     assert found.gain < curve.gain
+
+
+def test_of_two_levels_what_bends_is_nothing_and_the_rest_has_its_bounds():
+    """The prior of a curve through two knots has no bending part: a direction in which nothing can move."""
+    made, whole, own, _ = record(OWN, np.array([-4.0, 0.1, 0.2]))
+    levels = Basis(np.array([-1.0, 1.0]))
+    columns = made({"y": 50.0 * levels(np.sign(X))})
+    straight = np.outer(levels.knots, levels.knots)
+    curve = Curve(1e4, 0.5 * levels.knots, 0.01 * straight, straight, 1.0)
+    found, moved = made.within_reach(curve, columns)
+    slope = columns @ levels.knots
+    left = whole + own @ moved
+    assert found.values == pytest.approx(levels.knots * (slope @ left) / (slope @ slope + 1.0), rel=1e-6)
+    assert moved[0] == pytest.approx(LEAST)
