@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from scipy.stats import chi2
@@ -11,11 +11,13 @@ from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
 from fmus.kit.component import effect_name
+from fmus.kit.corrections import Of
 from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict, _is_left
-from orchestration.discrepancy.laws.discovery import Correction, LawMapResult, discover, search_of
+from orchestration.discrepancy.laws.base import search_of, usable
+from orchestration.discrepancy.laws.calm import calmed, noise_of_inputs
+from orchestration.discrepancy.laws.discovery import Correction, LawMapResult, discover
 from orchestration.discrepancy.laws.entry import Entry
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.analysis import analyse_residuals
@@ -57,11 +59,14 @@ class Laws:
         The model with the catalogue's own effect in place of the best correction, where one does the same.
     beside : Laws or None
         What the laws lack beside the best correction, which unseen data confirm as well.
+    noise : dict of str to float
+        Inputs that were freed of noise, and its standard deviation, SI.
     """
 
     found: LawMapResult
     known: FittedCandidate | None = None
     beside: Laws | None = None
+    noise: dict[str, float] = field(default_factory=dict)
 
     @property
     def best(self) -> Correction | None:
@@ -103,16 +108,26 @@ def ask_on(
     -------
     laws : Laws
     told : Diagnosis
-        With what is confirmed among its causes; the same where nothing is.
+        With what is confirmed among its causes, and inputs without noise; the same where nothing is.
     """
+    noise = noise_of_inputs(diagnosis)
+    # a correction might undo what that does to the model, and be taken for what the model lacks
+    calm = calmed(diagnosis, noise, progress) if noise else diagnosis
+    laws, told = _one_by_one(calm, progress, again, rounds)
+    return replace(laws, noise=noise), diagnosis if told is calm else told
+
+
+def _one_by_one(
+    diagnosis: Diagnosis, progress: Callable[[str], None], again: Entry | None, rounds: int
+) -> tuple[Laws, Diagnosis]:
     laws = ask(diagnosis, progress, again)
     told, best = with_cause(diagnosis, laws, progress), laws.best
     if told is diagnosis or best is None or rounds == 1:
         return laws, told
     if best.relaxation:
-        more, both = ask_on(told, progress, best.entry, rounds - 1)
+        more, both = _one_by_one(told, progress, best.entry, rounds - 1)
     elif again is None and leaves_something(told):
-        more, both = ask_on(told, progress, None, 1)
+        more, both = _one_by_one(told, progress, None, 1)
     else:
         return laws, told
     return (laws, told) if both is told else (replace(laws, beside=more), both)
@@ -144,7 +159,7 @@ def same_effect(cls: type[Component], correction: type[Effect]) -> type[Effect] 
         Made by `fmus.kit.corrections.correction`.
     """
     law, of, shape, _, _, kind, *_ = vars(correction)["made_with"]
-    if kind != "add" or not isinstance(shape, str):
+    if kind != "add" or not isinstance(shape, str) or Of(*of).zero:
         return None
     signal, memory = of[0], of[1]
     for effect in (*catalogue(cls).values(), *families(cls).values()):
@@ -284,10 +299,3 @@ def _of_all(diagnosis: Diagnosis, search: Search, selection: Selection) -> tuple
         return whole.trusted(whole.refit(best)), []
     except FAILURES as error:
         return best, [Note(NoteCode.NOT_REFITTED, "", {"reason": str(error)})]
-
-
-def usable(diagnosis: Diagnosis) -> Dataset:
-    """All that was measured and the final model of a diagnosis was fitted to."""
-    problem = diagnosis.final.problem
-    several = problem.runs if len(problem.runs) > 1 else ()
-    return Dataset(problem.time, problem.inputs, problem.measured, diagnosis.estimation.linear, several)

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestration.api.records import read_record
+from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.pipeline import Options, judge
+from orchestration.fmu.model import find_model
 from tests.support.clean.plants import PLANTS
 from tests.support.clean.records import KINDS, CleanRecord, conditions, draw
 from tests.support.hidden.change import static
@@ -29,3 +33,9 @@ def motor(path: Path, curve: Curve | None, seed: int = 1, specimen: CleanRecord 
     short = replace(drawn, time=drawn.time[:SAMPLES], **cut)
     short.write(path)
     return short
+
+
+def diagnosed(path: Path, model: str) -> Diagnosis:
+    """Diagnose a record with no catalogue."""
+    subject = find_model(model)
+    return judge([read_record(path, subject)], subject, None, Options(effects=[])).diagnosis

@@ -157,17 +157,19 @@ def table_of(effect: type[Effect]) -> tuple[Sequence[float], Sequence[float]]:
     return knots, values
 
 
-def formula(shape: str) -> str:
-    """A shape as a formula of x, without what is remarked on it."""
-    text = SHAPES[shape].text
-    return text.removesuffix(f", {taken_apart(text).remark}")
+def formula(correction: Correction) -> str:
+    """The named shape as a formula of x, without what is remarked on it; empty where there is none."""
+    text = correction.model.effect.term.shape if correction.shape else ""
+    return text and text.removesuffix(f", {taken_apart(text).remark}")
 
 
 def shape_width(correction: Correction) -> float | None:
     """Where the named shape bends, in the unit of its signal; None where it has no width."""
-    effect = correction.model.effect
-    values = correction.model.problem.start | correction.model.fit.values
-    return values.get(f"{effect.neutral}_width")
+    return _values(correction).get(f"{correction.model.effect.neutral}_width")
+
+
+def _values(correction: Correction) -> dict[str, float]:
+    return correction.model.problem.start | correction.model.fit.values
 
 
 def shape_form(correction: Correction) -> Callable[[Array], Array] | None:
@@ -175,10 +177,9 @@ def shape_form(correction: Correction) -> Callable[[Array], Array] | None:
     if not correction.shape:
         return None
     shape, effect = SHAPES[correction.shape], correction.model.effect
-    amount = (correction.model.problem.start | correction.model.fit.values)[effect.neutral]
-    width, scale = shape_width(correction), signal_of(effect)[1].scale
-    width = 1.0 if width is None else width
-    return lambda x: np.array([amount * float(shape.form(float(one), width, scale)) for one in x])
+    values, own, of = _values(correction), effect.neutral, signal_of(effect)[1]
+    amount, width, beside = values[own], values.get(f"{own}_width", 1.0), values.get(f"{own}_beside", 0.0)
+    return lambda x: np.array([amount * (float(shape.form(float(v), width, of.scale)) + beside) for v in x - of.zero])
 
 
 def shape_values(correction: Correction, x: Array) -> Array | None:
@@ -198,6 +199,11 @@ def signal_unit(component: type[Component], signal: Signal) -> str:
     """SI unit of a signal, or of what is remembered of it."""
     unit = Of(signal.name, signal.memory, signal.constant, plain_unit(unit_of(component, signal.name))).unit_of_memory
     return re.sub(r"\((\w+)\)", r"\1", unit)  # one unit alone needs no brackets
+
+
+def with_unit(value: float, unit: str) -> str:
+    """A value of three digits with its unit."""
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
 
 
 def plain_unit(unit: str) -> str:

@@ -138,7 +138,8 @@ def _body(cls: type[Component], correction: Correction, values: dict[str, float]
     is_law = callable(getattr(cls, of.name, None))
     now = "below" if of.name == law else f"self.{of.name}{'()' if is_law else ''}"
     memory = next((f"self.{state.name}" for state in layout.states), "")
-    yield f"        x = {f'{now} - {memory}' if of.memory == 'leading' else memory or now}"
+    less = f" - {_number(of.zero)}" if of.zero and correction.shape else ""
+    yield f"        x = {f'{now} - {memory}' if of.memory == 'leading' else memory or now}{less}"
     more = f"self.{effect.neutral} * {_form(correction, of, number)}"
     yield f"        return below + {more}" if kind == "add" else f"        return below * (1.0 + {more})"
     for state in layout.states:
@@ -152,7 +153,13 @@ def _body(cls: type[Component], correction: Correction, values: dict[str, float]
 
 
 def _form(correction: Correction, of: Of, number: int) -> str:
-    """The function of x."""
+    """The function of x, with the constant beside it."""
+    beside = f"{correction.model.effect.neutral}_beside"
+    alone = _alone(correction, of, number)
+    return f"({alone} + self.{beside})" if beside in correction.model.effect.declared else alone
+
+
+def _alone(correction: Correction, of: Of, number: int) -> str:
     if not correction.shape:
         return f"smooth_table(x, {', '.join(_constants(number))})"
     width, size = f"self.{correction.model.effect.neutral}_width", _number(of.scale)

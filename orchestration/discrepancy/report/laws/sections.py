@@ -5,7 +5,7 @@ from __future__ import annotations
 from orchestration.discrepancy.laws.discovery import Correction
 from orchestration.discrepancy.report import elements
 from orchestration.discrepancy.report.laws import figures, wording
-from orchestration.discrepancy.report.laws.asked import Asked, named
+from orchestration.discrepancy.report.laws.asked import Asked, named, signal_of
 from orchestration.discrepancy.report.laws.mathml import equation
 from orchestration.reporting.page import Markup, Page, escaped
 
@@ -35,8 +35,8 @@ def curve(made: Page, asked: Asked, best: Correction) -> None:
             "nearest, which the model's own parameters may make up."
         )
     made.parts.append(equation(
-        entry.law, entry.signal.name, entry.kind, wording.formula(best.shape) if best.shape else "",
-        bool(entry.signal.memory),
+        entry.law, entry.signal.name, entry.kind, wording.formula(best),
+        bool(entry.signal.memory or signal_of(best.model.effect)[1].zero),
     ))  # fmt: skip
     made.plot(
         figures.curve(asked, best),
@@ -55,7 +55,8 @@ def law_map(made: Page, asked: Asked) -> None:
     made.plot(
         plot,
         "How much a curve there would explain, to first order: the fall of twice the logarithm of the likelihood, less "
-        f"the price of the curve. What is remembered is the best of its lags and integrals. {left}{by_chance}",
+        f"the price of the curve. What is remembered is the best of its lags and integrals. {left}{by_chance}"
+        f"{wording.smoothed(asked)}",
     )
 
 
@@ -87,4 +88,4 @@ def beside(asked: Asked) -> str:
 
 
 def _formula(asked: Asked, one: Correction) -> str:
-    return f"{wording.formula(one.shape)} with {wording.amounts(asked, one)}" if one.shape else ""
+    return f"{wording.formula(one)} with {wording.amounts(asked, one)}" if one.shape else ""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from orchestration.discrepancy.laws.discovery import Correction
+from orchestration.discrepancy.laws.signals import Signal
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws.asked import (
     Asked,
@@ -15,13 +16,17 @@ from orchestration.discrepancy.report.laws.asked import (
     plain_unit,
     refuted,
     shape_estimates,
+    signal_of,
+    signal_unit,
     unit_of,
     verdict,
+    with_unit,
 )
 from orchestration.discrepancy.report.laws.quantities import quantities
 from orchestration.identify.estimate import Estimate
 
 NOTHING = "No law is found to lack anything."
+_LETTERS = {"": "a", "_width": "w", "_beside": "b"}  # by what the name of a parameter ends with
 _NAMES = {
     "linear": "a straight line", "asymmetric": "a magnitude", "quadratic": "a square",
     "odd_quadratic": "a square with the sign of its signal", "cubic": "a cube", "saturating": "a saturation",
@@ -65,8 +70,6 @@ def _sentence(asked: Asked) -> str:
         said = f"{entry.law} depends on {named(entry.signal)}{factor} beyond what the model has"
         return f"{beside}{said}: {looks(asked, best)}; {errors(best)}."
     why = f"data that no fit has seen {'speak against it' if refuted(best) else 'tell too little of it'}"
-    if best.by_noise:
-        why = f"noise on {' and '.join(best.by_noise)} makes as much evidence for it by itself"
     return (
         f"{beside}{entry.law}{' as a factor' if entry.kind == 'multiply' else ''} over {named(entry.signal)} would be "
         f"worth looking at ({looks(asked, best)}), but {why}."
@@ -80,7 +83,7 @@ def looks(asked: Asked, correction: Correction) -> str:
         return f"it looks like no simple shape, is given as a curve, and {comes_to}"
     return (
         f"it looks like {shape_name(correction.shape)}, which {comes_to} "
-        f"({formula(correction.shape)} with {amounts(asked, correction)})"
+        f"({formula(correction)} with {amounts(asked, correction)})"
     )
 
 
@@ -93,9 +96,13 @@ def amounts(asked: Asked, correction: Correction) -> str:
     """Values of a shape: its amount a and its width w, and the lag of what is remembered."""
     own, texts = shape_estimates(correction), []
     for name, e in own.items():
-        letter = "a" if name == correction.model.effect.neutral else "w" if name.endswith("_width") else "a lag"
+        letter = _LETTERS.get(name.removeprefix(correction.model.effect.neutral), "a lag")
         unit = unit_text(asked, correction, e)
         texts.append(f"{letter}{' = ' if len(letter) == 1 else ' of '}{e.value:.3g}{f' {unit}' if unit != '1' else ''}")
+    zero = signal_of(correction.model.effect)[1].zero
+    if zero and correction.shape:
+        unit = asked.units(correction)[1]
+        texts.append(f"x counted from {zero:g}{f' {unit}' if unit != '1' else ''}")
     return ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1] if texts else "what it was given"
 
 
@@ -132,6 +139,18 @@ def said_of(correction: Correction) -> str:
     return {True: "confirmed", False: "not confirmed", None: "not asked"}[verdict(correction)]
 
 
+def smoothed(asked: Asked) -> str:
+    """Which noise of inputs was smoothed away before, as a further sentence; empty where there is none."""
+    noise = asked.laws.noise if asked.laws else {}
+    several = [
+        f"{name} ({with_unit(deviation, signal_unit(asked.component, Signal(name)))})"
+        for name, deviation in noise.items()
+    ]
+    if not several:
+        return ""
+    return f" Noise on {' and '.join(several)}, which the outputs do not follow, was smoothed away before."
+
+
 def next_steps(asked: Asked) -> list[str]:
     """What to do about it."""
     best = asked.best
@@ -143,12 +162,7 @@ def next_steps(asked: Asked) -> list[str]:
             "act on the specimen and that the model does not have.",
         ]
     entry, alike, steps = best.entry, asked.alike(best), []
-    if best.by_noise:
-        steps.append(
-            f"Do not build on it. Measure {' and '.join(best.by_noise)} with less noise, or feed the model what was "
-            "commanded instead of what was measured."
-        )
-    elif verdict(best):
+    if verdict(best):
         steps.append(
             "Go on with it: --effect-out law.py writes it as a class of a few lines to lay over the model, and "
             "--fmu better.fmu the model with it."
@@ -166,7 +180,7 @@ def next_steps(asked: Asked) -> list[str]:
     if not best.shape:
         steps.append(
             f"Look up which law has such a curve over {entry.signal.name}. The table holds where the record has been, "
-            "and stays flat beyond."
+            "and goes straight on beyond."
         )
     steps += _wide(asked, best)
     if len(asked.corrections) > 1:
