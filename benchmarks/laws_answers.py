@@ -59,7 +59,7 @@ def named(row: Row) -> str:
 
 def confirmed(row: Row) -> bool:
     """Whether unseen data confirmed what was said first."""
-    return bool(row["said"] and row["said"][0]["confirmed"])
+    return bool(row.get("said") and row["said"][0]["confirmed"])
 
 
 def wrongly_confirmed(row: Row) -> bool:
