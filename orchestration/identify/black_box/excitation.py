@@ -1,10 +1,10 @@
-"""Persistence of excitation: how many parameters of its path an input can tell apart (thesis, eq. 3.16; Ljung, 13.2)."""
+"""Persistence of excitation: how much of its path an input can tell (thesis, eq. 3.16; Ljung, section 13.2)."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike, NDArray
 
 from fmus.kit.errors import UserError
 from orchestration.identify.black_box.data import InputOutputData
@@ -18,8 +18,8 @@ _HIGHEST = 50
 def autocovariance_matrix(values: ArrayLike, order: int) -> Array:
     """Return R_n of eq. 3.16, (order, order), about the mean.
 
-    Expectations are means over the stretch for which all delayed samples are on record, so that the matrix of a sum of k
-    sinusoids has the rank 2k, however long they last; as the record grows it becomes the Toeplitz matrix of the equation.
+    Expectations are means over the stretch for which all delayed samples are on record, so that the matrix of a sum of
+    k sinusoids has the rank 2k, however long they last; as the record grows it becomes the equation's Toeplitz matrix.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The orders of a polynomial model, and whether data can be fitted with them (Ljung: System Identification, section 4.2)."""
+"""The orders of a polynomial model, and whether data can be fitted with them (Ljung, section 4.2)."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Orders:
         return max(self.na, self.nc, self.nd, *self.nb, *self.nf)
 
     def excitation(self, which: int) -> int:
-        """Order to which an input must excite persistently (Ljung, section 13.2): one for every parameter of its path."""
+        """Order to which an input must excite: one for every parameter of its path (Ljung, section 13.2)."""
         return self.nb[which] + max(self.nf[which], self.na)
 
     def names(self) -> tuple[str, ...]:

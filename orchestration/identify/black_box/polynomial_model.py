@@ -1,4 +1,7 @@
-"""A polynomial model: ``A y = sum_i B_i/F_i u_i + C/D e`` (Ljung, eq. 4.33, with denominators of their own; thesis, eq. 3.14)."""
+"""A polynomial model, ``A y = sum_i B_i/F_i u_i + C/D e``.
+
+Sources: Ljung, eq. 4.33, with a denominator for every input; thesis, eq. 3.14.
+"""
 
 from __future__ import annotations
 

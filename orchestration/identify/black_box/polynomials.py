@@ -63,6 +63,11 @@ def filtered(numerator: Array, denominator: Array, values: Array) -> Array:
     return np.asarray(lfilter(numerator, denominator, values, axis=0), dtype=np.float64)
 
 
+def solved(columns: Array, target: Array) -> Array:
+    """Solve linear least squares; the shortest solution where there are several."""
+    return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], dtype=np.float64)
+
+
 def s_plane(z: ArrayLike, step: float) -> Roots:
     """Map poles or zeros from the z-plane to the s-plane, ``s = ln(z) / step`` (thesis, fig. 3-16).
 

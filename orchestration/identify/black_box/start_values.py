@@ -1,10 +1,10 @@
 """Where a search for a polynomial model starts: a long ARX model, reduced path by path.
 
-A long ARX model needs no start and, being long, describes any paths and any colour of the noise. Its paths are reduced to
-the orders that are asked for, weighted by the noise it found: by the iterated least squares of Steiglitz and McBride
-(IEEE Trans. Automatic Control 10, 1965), which on this input is asymptotically efficient (Everitt, Galrinho, Hjalmarsson:
-Automatica 89, 2018), and by instrumental variables (Söderström and Stoica: Instrumental Variable Methods, 1983; Ljung,
-section 7.6). What is left gives the noise model (Hannan and Rissanen: Biometrika 69, 1982).
+A long ARX model needs no start and, being long, describes any paths and any colour of the noise. Its paths are reduced
+to the orders that are asked for, weighted by the noise it found: by the iterated least squares of Steiglitz and McBride
+(IEEE Trans. Automatic Control 10, 1965), which on what such a model simulates is asymptotically efficient (Everitt,
+Galrinho, Hjalmarsson: Automatica 89, 2018), and by instrumental variables (Söderström and Stoica: Instrumental Variable
+Methods, 1983; Ljung, section 7.6). What is left gives the noise model (Hannan and Rissanen: Biometrika 69, 1982).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.black_box.orders import Orders
-from orchestration.identify.black_box.polynomials import filtered, monic, stabilised
+from orchestration.identify.black_box.polynomials import filtered, monic, solved, stabilised
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 
 Array = NDArray[np.float64]
@@ -58,8 +58,7 @@ def least_squares(problem: PredictionError) -> Array:
     ndarray, shape (p,)
     """
     start = np.zeros(problem.size)
-    solution: Array = np.linalg.lstsq(problem.jacobian(start), -problem.errors(start), rcond=None)[0]
-    return solution
+    return solved(problem.jacobian(start), -problem.errors(start))
 
 
 def starts(problem: PredictionError) -> Iterator[Array]:
@@ -114,7 +113,7 @@ def _steiglitz_mcbride(
     for _ in range(rounds if nf else 1):
         signal = filtered(long.a, f, long.paths[:, i])
         columns = _regressors(problem, i, signal, filtered(long.a, f, problem.inputs[:, i]))
-        solution = np.linalg.lstsq(columns[first:], signal[first:], rcond=None)[0]
+        solution = solved(columns[first:], signal[first:])
         f, b = stabilised(monic(solution[:nf])), solution[nf:]
     return b, f
 
@@ -125,7 +124,7 @@ def _instruments(problem: PredictionError, long: _LongModel, i: int) -> tuple[Ar
     whitened = [filtered(long.a, _ONE, x) for x in (long.paths[:, i] + long.rest, long.paths[:, i])]
     u = filtered(long.a, _ONE, problem.inputs[:, i])
     columns, instruments = (_regressors(problem, i, signal, u)[first:] for signal in whitened)
-    solution = np.linalg.lstsq(instruments.T @ columns, instruments.T @ whitened[0][first:], rcond=None)[0]
+    solution = solved(instruments.T @ columns, instruments.T @ whitened[0][first:])
     return solution[nf:], stabilised(monic(solution[:nf]))
 
 
@@ -134,7 +133,8 @@ def _with_noise(problem: PredictionError, paths: list[tuple[Array, Array]]) -> A
     n = problem.orders
     b, f = tuple(p[0] for p in paths), tuple(p[1] for p in paths)
     still = tuple(np.zeros(count) for count in n.nf)
-    rest = problem.disturbance(problem.vector(Coefficients(_ONE, b, f, monic(np.zeros(n.nc)), monic(np.zeros(n.nd)), 0.0, still)))
+    white = monic(np.zeros(n.nc)), monic(np.zeros(n.nd))
+    rest = problem.disturbance(problem.vector(Coefficients(_ONE, b, f, *white, 0.0, still)))
     offset = float(rest.mean())
     c, d = _hannan_rissanen(rest - offset, n.nc, n.nd)
     return problem.vector(Coefficients(_ONE, b, f, c, d, offset, still))
@@ -144,24 +144,30 @@ def _hannan_rissanen(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
     """C and D of ``D v = C e``: by least squares on innovations that a long autoregression gives."""
     if not nc + nd:
         return _ONE, _ONE
-    order = max(1, min(max(20, 4 * (nc + nd)), len(v) // 10))
-    past = np.stack([_delayed(v, k + 1) for k in range(order)], axis=1)
-    e = v - past @ np.linalg.lstsq(past[order:], v[order:], rcond=None)[0]
-    e[:order] = 0.0
+    e = innovations(v, nc + nd)
     columns = np.stack([-_delayed(v, k + 1) for k in range(nd)] + [_delayed(e, k + 1) for k in range(nc)], axis=1)
-    solution = np.linalg.lstsq(columns[order:], v[order:], rcond=None)[0]
+    solution = solved(columns, v)
     return stabilised(monic(solution[nd:])), stabilised(monic(solution[:nd]))
+
+
+def innovations(v: Array, order: int) -> Array:
+    """Return what a long autoregression does not foretell of a signal (n,), for a noise model of that order."""
+    at_least, times, samples = _LONG
+    order = max(1, min(max(at_least, times * order), len(v) // samples))
+    past = np.stack([_delayed(v, k + 1) for k in range(order)], axis=1)
+    return v - past @ solved(past[order:], v[order:])
 
 
 def _shared(problem: PredictionError, long: _LongModel) -> Iterator[Array]:
     """Start values where all share the denominator A (ARMAX): extended least squares, and ARX."""
     n = problem.orders
     inputs = [problem.past_inputs(i) for i in range(len(n.nb))]
-    e = np.stack([_delayed(long.innovations, k + 1)[problem.first :] for k in range(n.nc)] or [np.zeros(problem.samples)], axis=1)
+    past = [_delayed(long.innovations, k + 1)[problem.first :] for k in range(n.nc)]
+    e = np.array(past).reshape(n.nc, problem.samples).T
     plain = np.hstack([-problem.past_outputs(), *inputs, np.ones((problem.samples, 1))])
     output = problem.output[problem.first :]
-    for columns in (np.hstack([plain, e[:, : n.nc]]), plain):
-        solution = np.linalg.lstsq(columns, output, rcond=None)[0]
+    for columns in (np.hstack([plain, e]), plain):
+        solution = solved(columns, output)
         ends = np.cumsum([n.na, *n.nb])
         a, *b, end = np.split(solution, ends)
         c = np.r_[end[1:], np.zeros(n.nc)][: n.nc]

@@ -1,4 +1,4 @@
-"""Identification of ARX, ARMAX, output-error and Box-Jenkins models by the prediction-error method (Ljung, chapter 7)."""
+"""ARX, ARMAX, output-error and Box-Jenkins models by the prediction-error method (Ljung, chapter 7)."""
 
 from __future__ import annotations
 
