@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.identify.black_box.data import InputOutputData
+from orchestration.identify.black_box.estimation import identify
 from orchestration.identify.black_box.orders import Count, Orders, orders
 from orchestration.identify.black_box.result import Identification
-from orchestration.identify.black_box.structures import identify
 from orchestration.identify.black_box.subspace import state_space
 
 STRUCTURES = ("ARX", "ARMAX", "OE", "SS", "BJ")

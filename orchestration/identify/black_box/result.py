@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.black_box.data import InputOutputData
-from orchestration.identify.black_box.model import LinearModel
+from orchestration.identify.black_box.models.linear import LinearModel
 from orchestration.identify.black_box.residual_tests import ResidualTests, residual_tests
 
 Array = NDArray[np.float64]
+_LEAST = 1e-300  # loss that still has a logarithm, where data are without noise
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,14 @@ class Identification:
     @property
     def aic(self) -> float:
         """Akaike's criterion per sample, ``log V + 2 d / N`` (Ljung, eq. 16.47; the thesis' table 3-2)."""
-        return float(np.log(self.loss)) + 2.0 * self.count / len(self.residual)
+        return float(np.log(max(self.loss, _LEAST))) + 2.0 * self.count / len(self.residual)
 
     @property
     def bic(self) -> float:
         """Schwarz's criterion per sample, ``log V + d log(N) / N`` (Ljung, section 16.4)."""
-        return float(np.log(self.loss)) + self.count * float(np.log(len(self.residual))) / len(self.residual)
+        return float(np.log(max(self.loss, _LEAST))) + self.count * float(np.log(len(self.residual))) / len(
+            self.residual
+        )
 
     @property
     def fit(self) -> float:

@@ -17,11 +17,11 @@ from scipy.linalg import block_diag
 from fmus.kit.errors import UserError
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
-from orchestration.identify.black_box.kalman_gain import kalman_gain
+from orchestration.identify.black_box.models.state_space import StateSpaceModel, free_responses, states
 from orchestration.identify.black_box.orders import Count, orders
 from orchestration.identify.black_box.polynomials import solved
 from orchestration.identify.black_box.result import Identification
-from orchestration.identify.black_box.state_space_model import StateSpaceModel, free_responses, states
+from orchestration.identify.black_box.search.kalman_gain import kalman_gain
 
 Array = NDArray[np.float64]
 Matrices = tuple[Array, Array, Array, Array, Array]  # A, B, C, D and K

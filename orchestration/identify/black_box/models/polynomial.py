@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
 from fmus.kit.errors import UserError
-from orchestration.identify.black_box.model import LinearModel
+from orchestration.identify.black_box.models.linear import LinearModel
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import Roots, filtered, roots
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
@@ -62,7 +62,8 @@ class PolynomialModel(LinearModel):
             columns.append(filtered(numerator, denominator, impulses))
         return np.hstack(columns)
 
-    def _static(self, deviations: Array) -> float:
+    def static_output(self, deviations: Array) -> float:
+        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
         level = 0.0
         for i, (b, u) in enumerate(zip(self.b, deviations, strict=True)):
             denominator = self._denominator(i)

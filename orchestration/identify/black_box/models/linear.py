@@ -54,8 +54,8 @@ class LinearModel(ABC):
         """Free responses (samples, states), of which every initial state gives a sum."""
 
     @abstractmethod
-    def _static(self, deviations: Array) -> float:
-        """Deviation of the output at rest under inputs (m,); not finite where there is no rest."""
+    def static_output(self, deviations: Array) -> float:
+        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
 
     @abstractmethod
     def _innovations(self, deviations: Array, output: Array) -> Array:
@@ -115,7 +115,7 @@ class LinearModel(ABC):
         rest = np.zeros(u.shape[1]) if output is None else u[0]
         if before is not None:
             rest = np.broadcast_to(np.asarray(before, dtype=np.float64), rest.shape) - self.input_offsets
-        if not np.isfinite(level := self._static(rest)):
+        if not np.isfinite(level := self.static_output(rest)):
             if before is not None:
                 raise UserError(f"before = {before}: a model that integrates rests only at {self.input_offsets}")
             rest, level = np.zeros(u.shape[1]), 0.0

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.identify.black_box.models.state_space import states
 from orchestration.identify.black_box.polynomials import solved
-from orchestration.identify.black_box.search import minimise
-from orchestration.identify.black_box.start_values import innovations
-from orchestration.identify.black_box.state_space_model import states
+from orchestration.identify.black_box.search.gauss_newton import minimise
+from orchestration.identify.black_box.search.start_values import innovations
 
 Array = NDArray[np.float64]
 _INSIDE = 1.0 - 1e-7  # largest modulus of an eigenvalue of a predictor that is called stable

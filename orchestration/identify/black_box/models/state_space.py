@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals, schur
 from scipy.signal import lfilter
 
-from orchestration.identify.black_box.model import LinearModel
+from orchestration.identify.black_box.models.linear import LinearModel
 from orchestration.identify.black_box.polynomials import Roots
 
 Array = NDArray[np.float64]
@@ -45,7 +45,8 @@ class StateSpaceModel(LinearModel):
     def _free(self, samples: int) -> Array:
         return free_responses(self.a, self.c, samples)
 
-    def _static(self, deviations: Array) -> float:
+    def static_output(self, deviations: Array) -> float:
+        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
         drive, count = self.b @ deviations, len(self.a)
         if not drive.any():
             return float(self.d @ deviations)
