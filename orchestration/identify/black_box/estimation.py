@@ -15,7 +15,9 @@ from orchestration.identify.black_box.prediction_error import Coefficients, Pred
 from orchestration.identify.black_box.result import Identification, Parameter
 from orchestration.identify.black_box.search.gauss_newton import Minimum, minimise
 from orchestration.identify.black_box.search.start_values import least_squares, starts
-from orchestration.identify.covariance import covariance
+from orchestration.identify.covariance import Covariance, covariance, sandwich
+from orchestration.identify.noise.autoregression import autoregression
+from orchestration.identify.noise.model import Noise
 
 Array = NDArray[np.float64]
 _HOPELESS = 10.0  # times what BIC grants an offset: if a linear estimate costs more without it, no search is made
@@ -93,15 +95,24 @@ def _result(
     wanted, p = problem.orders, problem.orders.parameters
     variance = found.cost / max(problem.samples - problem.size, 1)
     jacobian = problem.jacobian(found.theta)
-    spread = covariance(jacobian.T @ jacobian)
-    errors = np.sqrt(variance) * spread.standard_errors
+    residual = problem.errors(found.theta)
+    spread = _spread(problem, jacobian, residual, variance)
     model = _model(data, structure, problem, problem.coefficients(found.theta), variance)
-    values = zip(wanted.names(), found.theta, errors, strict=False)
+    values = zip(wanted.names(), found.theta, spread.standard_errors, strict=False)
     return Identification(
         model, data, tuple(Parameter(name, float(x), float(s)) for name, x, s in values),
-        variance * spread.matrix[:p, :p], p + problem.offset, problem.errors(found.theta), found.converged,
+        spread.matrix[:p, :p], p + problem.offset, residual, found.converged,
         (_offset(model, problem.offset), *messages, *_doubts(model, found)),
     )  # fmt: skip
+
+
+def _spread(problem: PredictionError, jacobian: Array, residual: Array, variance: float) -> Covariance:
+    """Covariance of the estimates (Ljung, section 9.4); where no noise is modelled, of noise as coloured as is left."""
+    bread, n = covariance(jacobian.T @ jacobian), problem.orders
+    if n.na or n.nc or n.nd:
+        return replace(bread, matrix=variance * bread.matrix)
+    coefficients, innovation = autoregression(residual)
+    return sandwich(bread, [jacobian], [Noise(coefficients, float(np.sqrt(innovation)))])
 
 
 def _model(

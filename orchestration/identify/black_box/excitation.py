@@ -65,10 +65,11 @@ def pexcit(values: ArrayLike, cutoff: float = CUTOFF, highest: int | None = None
     if not 0.0 < cutoff < 1.0:
         raise UserError(f"cutoff = {cutoff:g}: must be between 0 and 1")
     u = np.asarray(values, dtype=np.float64)
-    if u.size and np.ptp(u) == 0.0:
-        return 0
     size = max(1, min(_HIGHEST, u.size // 3)) if highest is None else highest
-    singular = np.linalg.svd(autocovariance_matrix(u / np.ptp(u), size), compute_uv=False)
+    spread = float(np.ptp(u)) if u.size else 1.0
+    if spread == 0.0:
+        return 0
+    singular = np.linalg.svd(autocovariance_matrix(u / spread, size), compute_uv=False)
     return int(np.count_nonzero(singular > cutoff * singular[0]))
 
 

@@ -58,7 +58,7 @@ def armax(data: InputOutputData, na: int, nb: Count, nc: int, nk: Count = 1) -> 
 def output_error(data: InputOutputData, nb: Count, nf: Count, nk: Count = 1) -> Identification:
     """Identify ``y = sum_i B_i/F_i u_i + e``.
 
-    Standard errors hold for white noise; see :func:`box_jenkins` for any other.
+    Standard errors allow for the colour of what is left; :func:`box_jenkins` makes use of it.
 
     Parameters
     ----------

@@ -108,9 +108,11 @@ def _observability(u: Array, y: Array, order: int, horizon: int) -> Array:
     inputs = np.stack([sliding_window_view(column, 2 * horizon) for column in u.T], axis=1)
     outputs = sliding_window_view(y, 2 * horizon)
     future, past = (part.reshape(len(outputs), -1) for part in (inputs[:, :, horizon:], inputs[:, :, :horizon]))
-    rows = [future, past, outputs]
+    # with the ones goes what is constant: the mean of a record that is under way is no operating point
+    rows = [np.ones((len(outputs), 1)), future, past, outputs]
     triangle = np.asarray(np.linalg.qr(np.hstack(rows), mode="r")).T
-    first, last = future.shape[1], future.shape[1] + past.shape[1] + horizon
+    first = 1 + future.shape[1]
+    last = first + past.shape[1] + horizon
     left, singular, _ = np.linalg.svd(triangle[last:, first:last], full_matrices=False)
     return np.asarray(left[:, :order] * np.sqrt(singular[:order]), dtype=np.float64)
 

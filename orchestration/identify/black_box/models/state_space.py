@@ -92,11 +92,11 @@ class StateSpaceModel(LinearModel):
     def _transfer(self, column: Array, feedthrough: float, name: str) -> Any:
         import control  # here, because it takes a second that nobody need wait for who does not ask for it
 
-        # det(zI - A + b c) = det(zI - A) (1 + c (zI - A)^-1 b), so that no division is made
+        # by the impulse response, in which samples before a delay are zero, and not nearly so
         denominator = np.real(np.poly(self.a))
-        numerator = np.real(np.poly(self.a - np.outer(column, self.c))) + (feedthrough - 1.0) * denominator
-        if feedthrough == 0.0:
-            numerator = numerator[1:]
+        later = states(self.a, np.zeros((len(self.a), len(self.a))), column) @ self.c
+        numerator = np.convolve(denominator, np.concatenate([[feedthrough], later]))[: len(denominator)]
+        numerator = np.trim_zeros(numerator, "f")
         return control.TransferFunction(
             numerator, denominator, self.step, inputs=[name], outputs=[self.output_name]
         )  # fmt: skip
