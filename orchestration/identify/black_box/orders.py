@@ -98,7 +98,7 @@ def orders(
     """
     inputs = len(data.input_names)
     made = Orders(
-        _whole("na", na, 0), _each("nb", nb, inputs, 1), _whole("nc", nc, 0), _whole("nd", nd, 0),
+        whole("na", na, 0), _each("nb", nb, inputs, 1), whole("nc", nc, 0), whole("nd", nd, 0),
         _each("nf", nf, inputs, 0), _each("nk", nk, inputs, 0),
     )  # fmt: skip
     needed = made.first + _EQUATIONS * (made.parameters + sum(made.nf) + 1)
@@ -114,10 +114,17 @@ def _each(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
     values = tuple(value) if isinstance(value, Sequence) else (value,) * inputs
     if len(values) != inputs:
         raise UserError(f"{name} = {list(values)}: must be one number, or one for each of {inputs} inputs")
-    return tuple(_whole(f"{name}[{i}]", v, least) for i, v in enumerate(values))
+    return tuple(whole(f"{name}[{i}]", v, least) for i, v in enumerate(values))
 
 
-def _whole(name: str, value: int, least: int) -> int:
+def whole(name: str, value: int, least: int) -> int:
+    """Return a number, if it is a whole one and not below the least that is allowed.
+
+    Raises
+    ------
+    UserError
+        If it is not.
+    """
     try:
         number = index(value)
     except TypeError:

@@ -98,13 +98,15 @@ def residual_tests(
     Raises
     ------
     UserError
-        If shapes do not agree, a sample is not finite, the residual is constant, there are no lags or more than a
-        quarter of the samples.
+        If shapes do not agree, a sample is not finite, the residual is constant, the significance is no probability,
+        there are no lags or more than a quarter of the samples.
     """
     e, u = np.asarray(residual, dtype=np.float64), np.asarray(inputs, dtype=np.float64)
     u = u[:, np.newaxis] if u.ndim == 1 else u
     if e.ndim != 1 or u.ndim != 2 or len(u) != len(e):
         raise UserError(f"residual of shape {e.shape} and inputs of {u.shape}: must be (n,) and (n, m)")
+    if not 0.0 < significance < 1.0:
+        raise UserError(f"significance = {significance:g}: must be between 0 and 1")
     if not 1 <= lags <= len(e) // 4:
         raise UserError(f"lags = {lags}: must be from 1 to a quarter of the {len(e)} samples")
     if not (np.isfinite(e).all() and np.isfinite(u).all()) or np.ptp(e) == 0.0:

@@ -18,7 +18,7 @@ from fmus.kit.errors import UserError
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.models.state_space import StateSpaceModel, free_responses, states
-from orchestration.identify.black_box.orders import Count, orders
+from orchestration.identify.black_box.orders import Count, orders, whole
 from orchestration.identify.black_box.polynomials import solved
 from orchestration.identify.black_box.result import Identification
 from orchestration.identify.black_box.search.kalman_gain import kalman_gain
@@ -54,8 +54,7 @@ def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0
     UserError
         If the order or a delay is impossible, samples too few, or an input is constant or does not excite the model.
     """
-    if order < 1:
-        raise UserError(f"order = {order}: must be a whole number, at least 1")
+    order = whole("order", order, 1)
     delays = orders(data, nb=order, nk=nk, na=order).nk
     check_varies(data)
     weak = check_excitation(data, (2 * order,) * len(delays))

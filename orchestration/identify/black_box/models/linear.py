@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmus.kit.errors import UserError
 from orchestration.identify.black_box.data import InputOutputData, input_index
+from orchestration.identify.black_box.orders import whole
 from orchestration.identify.black_box.polynomials import Roots, filtered, s_plane
 from orchestration.identify.metrics import fit_percent
 
 Array = NDArray[np.float64]
+_RUNS_AWAY = 1e100  # no signal is as large, and its square is still a number
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ class LinearModel(ABC):
         Returns
         -------
         ndarray, shape (n,)
-            In the unit of the output.
+            In the unit of the output; infinite where an unstable model has run away.
 
         Raises
         ------
@@ -126,6 +128,8 @@ class LinearModel(ABC):
         if y.shape != simulated.shape or not np.isfinite(y).all():
             raise UserError(f"output of shape {y.shape}: must be {simulated.shape} and finite, as the inputs are")
         free = self._free(len(u))
+        if not max(np.abs(simulated).max(), np.abs(free).max(initial=0.0)) < _RUNS_AWAY:
+            return np.where(np.isnan(simulated), np.inf, simulated)  # no initial state keeps it near the record
         return simulated + free @ np.linalg.lstsq(free, y - simulated, rcond=None)[0]
 
     def prediction_errors(self, data: InputOutputData) -> Array:
@@ -158,8 +162,7 @@ class LinearModel(ABC):
         UserError
             If the horizon is below 1, or as of :meth:`prediction_errors`.
         """
-        if horizon < 1:
-            raise UserError(f"horizon = {horizon}: must be a whole number of samples, at least 1")
+        horizon = whole("horizon", horizon, 1)
         e = self.prediction_errors(data)
         first = len(data) - len(e)
         unknown = filtered(self.noise_response(min(horizon, len(e))), np.ones(1), e)
@@ -183,11 +186,13 @@ class LinearModel(ABC):
         Returns
         -------
         float
-            100 is perfect, 0 no better than the mean.
+            100 is perfect, 0 no better than the mean, minus infinity an unstable model that runs away.
         """
         self._check(data)
         if horizon is None:
-            return fit_percent(data.output, self.simulate(data.inputs, data.output))
+            simulated = self.simulate(data.inputs, data.output)
+            runs_away = not np.abs(simulated).max() < _RUNS_AWAY
+            return -np.inf if runs_away else fit_percent(data.output, simulated)
         return fit_percent(data.output, self.predict(data, horizon))
 
     def s_plane_poles(self, which: int | str = 0) -> Roots:

@@ -82,3 +82,5 @@ def test_feedback_is_seen_before_lag_zero_and_is_no_fault_of_the_model():
 def test_mistakes_are_told(residual, inputs, lags, said):
     with pytest.raises(UserError, match=said):
         residual_tests(residual, inputs, lags)
+    with pytest.raises(UserError, match=r"^significance = 2: must be between 0 and 1$"):
+        residual_tests(np.arange(50.0), np.ones(50), 5, 2.0)

@@ -101,6 +101,35 @@ def test_a_record_that_begins_mid_course_is_no_worse():
     assert fit(record.truth[1000:], result.model.simulate(late.inputs, late.output)) > 98.0
 
 
+def test_a_structure_that_cannot_describe_the_data_is_searched_to_the_end():
+    """Gauss-Newton steps go too far there, again and again."""
+    record = box_jenkins_record(0, 10_000, d1=-0.5)
+    found = armax(input_output_data(record.inputs, record.output, 1.0), 3, 3, 3)
+    assert found.converged
+    assert not any("iterations" in message for message in found.messages)
+
+
+@pytest.fixture(scope="module")
+def kept_in_place():
+    """A system that only feedback keeps where it is."""
+    random = np.random.default_rng(0)
+    u, y = random.standard_normal(5000), np.zeros(5000)
+    for t in range(1, 5000):
+        y[t] = 1.2 * y[t - 1] + u[t - 1] + 0.1 * random.standard_normal()
+        u[t] -= 0.7 * y[t]
+    return input_output_data(u, y, 1.0)
+
+
+def test_an_unstable_system_is_found_and_told(kept_in_place):
+    for result in (arx(kept_in_place, 1, 1), armax(kept_in_place, 1, 1, 1)):
+        assert result.parameter("a1").value == pytest.approx(-1.2, abs=0.01)
+        assert not result.model.is_stable()
+        assert result.messages[-1] == "the model is unstable: a free run will not stay near the record"
+        assert result.fit == -np.inf
+        assert result.model.fit(kept_in_place, 1) > 85.0
+        assert "free-run fit -inf %" in result.summary()
+
+
 def data(samples=200, **changed):
     record = box_jenkins_record(0, samples)
     return input_output_data(record.inputs, record.output, 0.5, ["force", "current"], "displacement")
@@ -116,13 +145,14 @@ def data(samples=200, **changed):
         (lambda: output_error(data(), 1, 1, [1, -2]), r"^nk\[1\] = -2: must be a whole number, at least 0$"),
         (lambda: arx(data(), 1, 1, 500), r"^200 samples .* are too few for na = 1, nb = 1 1, nk = 500 500"),
         (lambda: box_jenkins(data(20), 2, 2, 2, 2), r"^20 samples of displacement are too few .* at least \d+ "),
+        (lambda: state_space(data(), 2.5), r"^order = 2\.5: must be a whole number, at least 1$"),
         (lambda: state_space(data(), 0), r"^order = 0: must be a whole number, at least 1$"),
         (lambda: state_space(data(60), 4), r"^60 samples are too few for 4 states and 2 inputs: at least 144 "),
         (lambda: state_space(data(), 2, [0, 1, 1]), r"^nk = \[0, 1, 1\]: must be one number"),
         (lambda: data().part(300), r"^part from sample 300 to None: there are none, of 200 samples$"),
         (lambda: data().split(1.0), r"^share = 1 of 200 samples: both parts need samples$"),
         (lambda: arx(data(), 1, 1).model.poles("voltage"), r"^input voltage: there is none \(there are: force"),
-        (lambda: arx(data(), 1, 1).model.predict(data(), 0), r"^horizon = 0: must be a whole number of samples"),
+        (lambda: arx(data(), 1, 1).model.predict(data(), 0), r"^horizon = 0: must be a whole number, at least 1$"),
         (lambda: arx(data(), 1, 1).model.simulate(np.ones((5, 3))), r"^inputs of shape \(5, 3\): must be \(n, 2\)"),
     ],
 )  # fmt: skip
