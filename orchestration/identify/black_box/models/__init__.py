@@ -1,0 +1,1 @@
+"""Linear models of one output: what they can do, as polynomials and in state space."""

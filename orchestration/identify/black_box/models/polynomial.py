@@ -1,0 +1,136 @@
+"""A polynomial model, ``A y = sum_i B_i/F_i u_i + C/D e``.
+
+Sources: Ljung, eq. 4.33, with a denominator for every input; thesis, eq. 3.14.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.signal import tf2ss
+
+from fmus.kit.errors import UserError
+from orchestration.identify.black_box.models.linear import LinearModel
+from orchestration.identify.black_box.orders import Orders
+from orchestration.identify.black_box.polynomials import Roots, filtered, roots
+from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
+
+Array = NDArray[np.float64]
+_INTEGRATES = 1e-9  # of its coefficients: a denominator whose sum is less has a root at one
+
+
+@dataclass(frozen=True)
+class PolynomialModel(LinearModel):
+    """ARX, ARMAX, OE or Box-Jenkins, in polynomials of q^-1.
+
+    Attributes
+    ----------
+    orders : Orders
+    a, c, d : ndarray
+        Monic.
+    b, f : tuple of ndarray, length m
+        Of every input; b begins with as many zeros as there are samples of delay, f is monic.
+    """
+
+    orders: Orders
+    a: Array
+    b: tuple[Array, ...]
+    c: Array
+    d: Array
+    f: tuple[Array, ...]
+
+    def _denominator(self, which: int) -> Array:
+        return np.convolve(self.a, self.f[which])
+
+    def _forced(self, deviations: Array) -> Array:
+        paths = [filtered(b, self._denominator(i), deviations[:, i]) for i, b in enumerate(self.b)]
+        return np.asarray(np.sum(paths, axis=0), dtype=np.float64)
+
+    def _free(self, samples: int) -> Array:
+        return self._responses(samples, [self._denominator(i) for i in range(len(self.b))], np.ones(1))
+
+    def _responses(self, samples: int, denominators: list[Array], numerator: Array) -> Array:
+        """Responses to an impulse at each of the first samples, through each denominator (samples, states)."""
+        distinct = {tuple(denominator): denominator for denominator in denominators}.values()
+        columns = [np.empty((samples, 0))]
+        for denominator in distinct:
+            impulses = np.eye(samples, min(len(denominator) - 1, samples))
+            columns.append(filtered(numerator, denominator, impulses))
+        return np.hstack(columns)
+
+    def static_output(self, deviations: Array) -> float:
+        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
+        level = 0.0
+        for i, (b, u) in enumerate(zip(self.b, deviations, strict=True)):
+            denominator = self._denominator(i)
+            if abs(denominator.sum()) <= _INTEGRATES * np.abs(denominator).sum():
+                level += 0.0 if u == 0.0 else np.inf
+            else:
+                level += float(u * b.sum() / denominator.sum())
+        return level
+
+    def _innovations(self, deviations: Array, output: Array) -> Array:
+        problem = PredictionError(deviations, output, self.orders, offset=False)
+        if problem.samples < 1:
+            raise UserError(f"{len(output)} samples: a model with {self.orders} needs at least {self.orders.first + 1}")
+        bare = tuple(b[k:] for b, k in zip(self.b, self.orders.nk, strict=True))
+        still = tuple(np.zeros(count) for count in self.orders.nf)
+        e = problem.errors(problem.vector(Coefficients(self.a, bare, self.f, self.c, self.d, 0.0, still)))
+        free = self._responses(len(e), [np.convolve(self.c, f) for f in self.f if len(f) > 1], self.d)
+        return e - free @ np.linalg.lstsq(free, e, rcond=None)[0]
+
+    def noise_response(self, samples: int) -> Array:
+        """Return the impulse response (samples,) from white noise to the output; the first is one."""
+        impulse = np.zeros(samples)
+        impulse[:1] = 1.0
+        return filtered(self.c, np.convolve(self.a, self.d), impulse)
+
+    def poles(self, which: int | str = 0) -> Roots:
+        """Return the poles in z of the path from an input, given by number or name."""
+        return roots(self._denominator(self._index(which)))
+
+    def zeros(self, which: int | str = 0) -> Roots:
+        """Return the zeros in z of the path from an input; delays are none."""
+        return roots(self.b[self._index(which)])
+
+    def transfer_function(self, which: int | str = 0) -> Any:
+        """Return the path from an input as a discrete `control.TransferFunction`, in deviations from the offsets."""
+        i = self._index(which)
+        names = {"inputs": [self.input_names[i]], "outputs": [self.output_name]}
+        return self._as_control(self.b[i], self._denominator(i), names)
+
+    def noise_transfer_function(self) -> Any:
+        """Return the path from white noise to the output as a discrete `control.TransferFunction`."""
+        names = {"inputs": ["e"], "outputs": [self.output_name]}
+        return self._as_control(self.c, np.convolve(self.a, self.d), names)
+
+    def _as_control(self, numerator: Array, denominator: Array, names: dict[str, list[str]]) -> Any:
+        import control  # here, because it takes a second that nobody need wait for who does not ask for it
+
+        return control.TransferFunction(*_in_z(numerator, denominator), self.step, **names)
+
+    def state_space(self) -> Any:
+        """Return the paths from all inputs as one discrete `control.StateSpace`, in deviations from the offsets."""
+        import control
+
+        paths = [tf2ss(*_in_z(b, self._denominator(i))) for i, b in enumerate(self.b)]
+        a, b, c, d = zip(*paths, strict=True)
+        return control.StateSpace(
+            block_diag(*a), block_diag(*b), np.hstack(c), np.hstack(d), self.step,
+            inputs=list(self.input_names), outputs=[self.output_name],
+        )  # fmt: skip
+
+
+def _in_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
+    """Polynomials in z of a quotient of polynomials in q^-1."""
+    size = max(len(numerator), len(denominator))
+    above, below = (np.pad(p, (0, size - len(p))) for p in (numerator, denominator))
+    # roots at the origin that cancel
+    spare = 0
+    while spare < size - 1 and above[size - 1 - spare] == 0.0 and below[size - 1 - spare] == 0.0:
+        spare += 1
+    return np.trim_zeros(above[: size - spare], "f"), below[: size - spare]

@@ -1,0 +1,142 @@
+"""A state-space model in innovations form: ``x' = A x + B u + K e``, ``y = C x + D u + e`` (Ljung, eq. 4.91)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvals, schur
+from scipy.signal import lfilter
+
+from orchestration.identify.black_box.models.linear import LinearModel
+from orchestration.identify.black_box.polynomials import Roots
+
+Array = NDArray[np.float64]
+_INFINITE = 1e8  # modulus of a generalised eigenvalue that is a zero at infinity
+_INTEGRATES = 1e-9  # distance from one at which a pole integrates
+
+
+@dataclass(frozen=True)
+class StateSpaceModel(LinearModel):
+    """A state-space model of one output, in innovations form.
+
+    Attributes
+    ----------
+    a : ndarray, shape (n, n)
+    b : ndarray, shape (n, m)
+    c : ndarray, shape (n,)
+    d : ndarray, shape (m,)
+    k : ndarray, shape (n,)
+        Gain of the stationary Kalman predictor.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    k: Array
+
+    def _forced(self, deviations: Array) -> Array:
+        x = states(self.a, deviations @ self.b.T, np.zeros(len(self.a)))
+        return x @ self.c + deviations @ self.d
+
+    def _free(self, samples: int) -> Array:
+        return free_responses(self.a, self.c, samples)
+
+    def static_output(self, deviations: Array) -> float:
+        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
+        drive, count = self.b @ deviations, len(self.a)
+        if not drive.any():
+            return float(self.d @ deviations)
+        if count and np.abs(np.linalg.eigvals(self.a) - 1.0).min() < _INTEGRATES:
+            return float("inf")
+        return float(self.c @ np.linalg.solve(np.eye(count) - self.a, drive) + self.d @ deviations)
+
+    def _innovations(self, deviations: Array, output: Array) -> Array:
+        predictor = self.a - np.outer(self.k, self.c)
+        drive = deviations @ (self.b - np.outer(self.k, self.d)).T + np.outer(output, self.k)
+        e = output - states(predictor, drive, np.zeros(len(self.a))) @ self.c - deviations @ self.d
+        free = free_responses(predictor, self.c, len(e))
+        return np.asarray(e - free @ np.linalg.lstsq(free, e, rcond=None)[0], dtype=np.float64)
+
+    def noise_response(self, samples: int) -> Array:
+        """Return the impulse response (samples,) from white noise to the output; the first is one."""
+        later = states(self.a, np.zeros((max(samples - 1, 0), len(self.a))), self.k) @ self.c
+        return np.concatenate([[1.0], later])[:samples]
+
+    def poles(self, which: int | str = 0) -> Roots:
+        """Return the poles in z, which all paths share."""
+        self._index(which)
+        return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
+
+    def zeros(self, which: int | str = 0) -> Roots:
+        """Return the zeros in z of the path from an input; delays are none."""
+        i, count = self._index(which), len(self.a)
+        system = np.block([[self.a, self.b[:, [i]]], [self.c[np.newaxis], self.d[[i], np.newaxis]]])
+        weight = np.diag(np.r_[np.ones(count), 0.0])
+        above, below = eigvals(system, weight, homogeneous_eigvals=True)
+        finite = np.abs(above) < _INFINITE * np.abs(below)
+        return np.asarray(above[finite] / below[finite], dtype=np.complex128)
+
+    def transfer_function(self, which: int | str = 0) -> Any:
+        """Return the path from an input as a discrete `control.TransferFunction`, in deviations from the offsets."""
+        i = self._index(which)
+        return self._transfer(self.b[:, i], self.d[i], self.input_names[i])
+
+    def noise_transfer_function(self) -> Any:
+        """Return the path from white noise to the output as a discrete `control.TransferFunction`."""
+        return self._transfer(self.k, 1.0, "e")
+
+    def _transfer(self, column: Array, feedthrough: float, name: str) -> Any:
+        import control  # here, because it takes a second that nobody need wait for who does not ask for it
+
+        # by the impulse response, in which samples before a delay are zero, and not nearly so
+        denominator = np.real(np.poly(self.a))
+        later = states(self.a, np.zeros((len(self.a), len(self.a))), column) @ self.c
+        numerator = np.convolve(denominator, np.concatenate([[feedthrough], later]))[: len(denominator)]
+        numerator = np.trim_zeros(numerator, "f")
+        return control.TransferFunction(
+            numerator, denominator, self.step, inputs=[name], outputs=[self.output_name]
+        )  # fmt: skip
+
+    def state_space(self) -> Any:
+        """Return the paths from all inputs as one discrete `control.StateSpace`, in deviations from the offsets."""
+        import control
+
+        return control.StateSpace(
+            self.a, self.b, self.c[np.newaxis], self.d[np.newaxis], self.step,
+            inputs=list(self.input_names), outputs=[self.output_name],
+        )  # fmt: skip
+
+
+def states(a: Array, drive: Array, start: Array) -> Array:
+    """Return x of ``x(t+1) = A x(t) + drive(t)``, by one recursive filter for each state.
+
+    Parameters
+    ----------
+    a : ndarray, shape (n, n)
+    drive : ndarray, shape (samples, n)
+    start : ndarray, shape (n,)
+        The first state.
+
+    Returns
+    -------
+    ndarray, shape (samples, n)
+    """
+    if not drive.size:
+        return np.zeros_like(drive)
+    # unitary coordinates in which each state needs but those after it: no eigenvector is asked for, which may not exist
+    triangle, directions = schur(a, output="complex")
+    began = np.vstack([start, drive[:-1]]) @ directions.conj()
+    x = np.zeros_like(began)
+    for i in reversed(range(len(a))):
+        others = x[:-1, i + 1 :] @ triangle[i, i + 1 :]
+        x[:, i] = lfilter([1.0], [1.0, -triangle[i, i]], began[:, i] + np.concatenate([[0.0], others]))
+    return np.asarray((x @ directions.T).real, dtype=np.float64)
+
+
+def free_responses(a: Array, c: Array, samples: int) -> Array:
+    """Return ``C A^t``, every row for one sample (samples, n)."""
+    return states(a.T, np.zeros((samples, len(a))), c)

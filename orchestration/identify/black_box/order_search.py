@@ -1,0 +1,209 @@
+"""Which structure and orders: all of a grid are identified, and compared as in the thesis' table 3-2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration.identify.black_box.data import InputOutputData
+from orchestration.identify.black_box.estimation import identify
+from orchestration.identify.black_box.orders import Count, Orders, orders
+from orchestration.identify.black_box.result import Identification
+from orchestration.identify.black_box.subspace import state_space
+
+STRUCTURES = ("ARX", "ARMAX", "OE", "SS", "BJ")
+CRITERIA = ("AIC", "BIC")
+
+
+class _Trial(NamedTuple):
+    """What is to be identified."""
+
+    structure: str
+    path_orders: tuple[int, ...]
+    noise_order: int
+
+    def __str__(self) -> str:
+        return f"{self.structure} of order {' '.join(map(str, self.path_orders))}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One model of an order search, and a line of its table.
+
+    Attributes
+    ----------
+    structure : str
+    path_orders : tuple of int
+        Order of the path from every input, that is of its denominator; the number of states alone for SS.
+    noise_order : int or None
+        Of the noise model; None for SS, which has a constant gain.
+    identification : Identification
+    fit, validation_fit : float
+        Free run over identification and validation data, in percent.
+    aic, bic : float
+        Per sample, of the same samples for all rows.
+    """
+
+    structure: str
+    path_orders: tuple[int, ...]
+    noise_order: int | None
+    identification: Identification
+    fit: float
+    validation_fit: float
+    aic: float
+    bic: float
+
+
+@dataclass(frozen=True)
+class OrderSearch:
+    """All models of an order search.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+    criterion : str
+        AIC or BIC.
+    left_out : tuple of str
+        A line for each that could not be identified.
+    """
+
+    rows: tuple[Row, ...]
+    criterion: str
+    left_out: tuple[str, ...]
+
+    def _value(self, row: Row) -> float:
+        return row.aic if self.criterion == "AIC" else row.bic
+
+    @property
+    def chosen(self) -> Row:
+        """The row that the criterion prefers."""
+        return min(self.rows, key=self._value)
+
+    @property
+    def best(self) -> tuple[Row, ...]:
+        """The row that the criterion prefers of every structure."""
+        kept = [[row for row in self.rows if row.structure == structure] for structure in STRUCTURES]
+        return tuple(min(rows, key=self._value) for rows in kept if rows)
+
+    def table(self, rows: Sequence[Row] | None = None) -> str:
+        """Lay rows out like the thesis' table 3-2, with BIC in a column of its own.
+
+        Parameters
+        ----------
+        rows : sequence of Row, optional
+            By default the best of every structure.
+
+        Returns
+        -------
+        str
+            Lines of equal length.
+        """
+        shown = self.best if rows is None else rows
+        inputs = self.rows[0].identification.model.input_names
+        head = ["Model type", "% fit ID data", "% fit validation data", "AIC", "BIC"]
+        lines = [[*head, *(f"{name} model order" for name in inputs), "Noise model order"]]
+        for row in shown:
+            figures = [f"{row.fit:.1f}", f"{row.validation_fit:.1f}", f"{row.aic:.2f}", f"{row.bic:.2f}"]
+            paths = [str(order) for order in row.path_orders] + [""] * (len(inputs) - len(row.path_orders))
+            noise = "constant" if row.noise_order is None else str(row.noise_order)
+            lines.append([row.structure, *figures, *paths, noise])
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        aligned = [[cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines]
+        return "\n".join("  ".join(line) for line in aligned)
+
+
+def search_orders(
+    estimation: InputOutputData, validation: InputOutputData, structures: Sequence[str] = STRUCTURES,
+    path_orders: Sequence[int] = (1, 2, 3), noise_orders: Sequence[int] = (1, 2, 3), nk: Count = 1,
+    criterion: str = "BIC",
+) -> OrderSearch:  # fmt: skip
+    """Identify every structure with every combination of orders, and compare the models.
+
+    Every path has as many coefficients in its numerator as it has poles, and one more where its delay is zero. The
+    denominator that ARX and ARMAX share has the highest order of any path; a state-space model, as many states as any
+    combination has poles. C has the order of the noise model, and so has D where there is one.
+
+    Parameters
+    ----------
+    estimation, validation : InputOutputData
+    structures : sequence of str
+        Of ARX, ARMAX, OE, SS and BJ.
+    path_orders, noise_orders : sequence of int
+        At least 1.
+    nk : int or sequence of int
+        Delays in samples.
+    criterion : str
+        AIC or BIC. AIC is what the thesis minimised; BIC does not prefer ever larger models as records grow.
+
+    Returns
+    -------
+    OrderSearch
+
+    Raises
+    ------
+    UserError
+        If there is no such structure or criterion, or none of the models can be identified.
+    """
+    for kind, names, known in (("structure", structures, STRUCTURES), ("criterion", [criterion], CRITERIA)):
+        for name in names:
+            if name not in known:
+                raise UserError(f"{kind} {name}: there is none{suggestion(name, known)}")
+    if not (structures and path_orders and noise_orders) or min(*path_orders, *noise_orders) < 1:
+        raise UserError(
+            f"path orders {list(path_orders)}, noise orders {list(noise_orders)}, structures {list(structures)}: "
+            "at least one of each, and no order below 1"
+        )
+    planned: list[tuple[_Trial, Orders]] = []
+    rows, left_out = [], []
+    for trial in _grid(len(estimation.input_names), structures, path_orders, noise_orders):
+        try:
+            planned.append((trial, _orders(estimation, trial, nk)))
+        except UserError as error:
+            left_out.append(f"{trial}: {error}")
+    first = max((orders.first for _, orders in planned), default=0)
+    for trial, wanted in planned:
+        try:
+            rows.append(_row(estimation, validation, trial, wanted, first))
+        except UserError as error:
+            left_out.append(f"{trial}: {error}")
+    if not rows:
+        raise UserError(f"no model can be identified; {left_out[0]}")
+    return OrderSearch(tuple(rows), criterion, tuple(left_out))
+
+
+def _grid(
+    inputs: int, structures: Sequence[str], path_orders: Sequence[int], noise_orders: Sequence[int]
+) -> Iterator[_Trial]:
+    combinations = sorted(set(product(path_orders, repeat=inputs)))
+    states = [(total,) for total in sorted({sum(path) for path in combinations})]
+    for structure in structures:
+        noises = sorted(set(noise_orders)) if structure in ("ARMAX", "BJ") else [0]
+        for path, noise in product(states if structure == "SS" else combinations, noises):
+            yield _Trial(structure, path, noise)
+
+
+def _orders(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
+    inputs = len(data.input_names)
+    delays = list(nk) if isinstance(nk, Sequence) else [nk] * inputs
+    path, noise = trial.path_orders, trial.noise_order
+    if trial.structure == "SS":
+        return orders(data, 1, nk, nf=1)  # how far back it looks, and the delays
+    nb = [order + (delay == 0) for order, delay in zip(path, delays, strict=False)]
+    if trial.structure in ("ARX", "ARMAX"):
+        return orders(data, nb, nk, na=max(path), nc=noise)
+    return orders(data, nb, nk, nf=path, nc=noise, nd=noise)
+
+
+def _row(
+    estimation: InputOutputData, validation: InputOutputData, trial: _Trial, wanted: Orders, first: int
+) -> Row:  # fmt: skip
+    if trial.structure == "SS":
+        found = state_space(estimation, trial.path_orders[0], wanted.nk, first)
+    else:
+        found = identify(estimation, trial.structure, wanted, first)
+    noise = None if trial.structure == "SS" else trial.noise_order
+    fits = found.fit, found.model.fit(validation)
+    return Row(trial.structure, trial.path_orders, noise, found, *fits, found.aic, found.bic)

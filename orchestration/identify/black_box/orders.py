@@ -1,0 +1,134 @@
+"""The orders of a polynomial model, and whether data can be fitted with them (Ljung, section 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import index
+
+from fmus.kit.errors import UserError
+from orchestration.identify.black_box.data import InputOutputData
+
+Count = int | Sequence[int]
+_EQUATIONS = 2  # for every parameter, and so the fewest samples
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Orders of ``A y = sum_i B_i/F_i u_i + C/D e``, as Ljung names them.
+
+    Attributes
+    ----------
+    na, nc, nd : int
+        Coefficients of A, C and D after their leading one.
+    nb : tuple of int, length m
+        Coefficients of every B.
+    nf : tuple of int, length m
+        Coefficients of every F after its leading one.
+    nk : tuple of int, length m
+        Delays from every input to the output, in samples.
+    """
+
+    na: int
+    nb: tuple[int, ...]
+    nc: int
+    nd: int
+    nf: tuple[int, ...]
+    nk: tuple[int, ...]
+
+    @property
+    def parameters(self) -> int:
+        """How many coefficients there are."""
+        return self.na + sum(self.nb) + self.nc + self.nd + sum(self.nf)
+
+    @property
+    def first(self) -> int:
+        """The first sample for which all inputs and outputs that the equation names are on record."""
+        return max(self.na, *(b + k - 1 for b, k in zip(self.nb, self.nk, strict=True)), 0)
+
+    @property
+    def highest(self) -> int:
+        """Largest order of any polynomial."""
+        return max(self.na, self.nc, self.nd, *self.nb, *self.nf)
+
+    def excitation(self, which: int) -> int:
+        """Order to which an input must excite: one for every parameter of its path (Ljung, section 13.2)."""
+        return self.nb[which] + max(self.nf[which], self.na)
+
+    def names(self) -> tuple[str, ...]:
+        """Name the coefficients, in the order in which they are estimated: a1, b1_1 (of the first input), ..., d1."""
+        path = [
+            name
+            for i, (b, f, k) in enumerate(zip(self.nb, self.nf, self.nk, strict=True), start=1)
+            for name in [*(f"b{i}_{k + j}" for j in range(b)), *(f"f{i}_{j + 1}" for j in range(f))]
+        ]
+        return (*_numbered("a", self.na), *path, *_numbered("c", self.nc), *_numbered("d", self.nd))
+
+    def __str__(self) -> str:
+        """Say those that are not zero, as ``na = 2, nb = 2 1, nk = 1 1``."""
+        named = {"na": (self.na,), "nb": self.nb, "nf": self.nf, "nc": (self.nc,), "nd": (self.nd,)}
+        said = [f"{name} = {' '.join(map(str, values))}" for name, values in named.items() if any(values)]
+        return ", ".join([*said, f"nk = {' '.join(map(str, self.nk))}"])
+
+
+def _numbered(letter: str, count: int) -> list[str]:
+    return [f"{letter}{j + 1}" for j in range(count)]
+
+
+def orders(
+    data: InputOutputData, nb: Count, nk: Count = 1, na: int = 0, nf: Count = 0, nc: int = 0, nd: int = 0,
+) -> Orders:  # fmt: skip
+    """Make orders for data, one number standing for all inputs alike, and check them.
+
+    Parameters
+    ----------
+    data : InputOutputData
+    nb, nk, nf : int or sequence of int
+    na, nc, nd : int
+        See :class:`Orders`.
+
+    Returns
+    -------
+    Orders
+
+    Raises
+    ------
+    UserError
+        If an order is not a whole number in its range, there are not as many as inputs, or there are too few samples.
+    """
+    inputs = len(data.input_names)
+    made = Orders(
+        whole("na", na, 0), _each("nb", nb, inputs, 1), whole("nc", nc, 0), whole("nd", nd, 0),
+        _each("nf", nf, inputs, 0), _each("nk", nk, inputs, 0),
+    )  # fmt: skip
+    needed = made.first + _EQUATIONS * (made.parameters + sum(made.nf) + 1)
+    if len(data) < needed:
+        raise UserError(
+            f"{len(data)} samples of {data.output_name} are too few for {made} ({made.parameters} parameters): "
+            f"at least {needed} are needed"
+        )
+    return made
+
+
+def _each(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
+    values = tuple(value) if isinstance(value, Sequence) else (value,) * inputs
+    if len(values) != inputs:
+        raise UserError(f"{name} = {list(values)}: must be one number, or one for each of {inputs} inputs")
+    return tuple(whole(f"{name}[{i}]", v, least) for i, v in enumerate(values))
+
+
+def whole(name: str, value: int, least: int) -> int:
+    """Return a number, if it is a whole one and not below the least that is allowed.
+
+    Raises
+    ------
+    UserError
+        If it is not.
+    """
+    try:
+        number = index(value)
+    except TypeError:
+        number = least - 1
+    if number < least:
+        raise UserError(f"{name} = {value}: must be a whole number, at least {least}")
+    return number

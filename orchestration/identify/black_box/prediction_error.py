@@ -1,0 +1,164 @@
+"""Prediction errors of a polynomial model, and their exact derivatives by filtering (Ljung, sections 10.2 and 10.3).
+
+For ``A y = sum_i B_i/F_i u_i + offset + C/D e`` the prediction error is
+
+    e = D/C v,   v = A y - sum_i w_i - offset,   w_i = B_i/F_i u_i
+
+and its derivatives are ``D/C y(t-k)`` by a_k, ``-D/(C F_i) u_i(t-k)`` by b_ik, ``D/(C F_i) w_i(t-k)`` by f_ik,
+``-1/C e(t-k)`` by c_k, ``1/C v(t-k)`` by d_k and ``-D/C 1`` by the offset.
+
+Errors begin at the first sample for which all that the equation names is on record. What w_i was before is unknown: its
+free response from there, ``T_i/F_i`` of an impulse, is estimated with the parameters.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.identify.black_box.orders import Orders
+from orchestration.identify.black_box.polynomials import filtered, is_stable, monic
+
+Array = NDArray[np.float64]
+
+
+class Coefficients(NamedTuple):
+    """Parameters of a model as polynomials; those of B without its delay.
+
+    Attributes
+    ----------
+    a, c, d : ndarray
+        Monic polynomials.
+    b, f : tuple of ndarray, length m
+        Of every input; f is monic.
+    offset : float
+        Constant term.
+    transient : tuple of ndarray, length m
+        Numerators T of the free responses.
+    """
+
+    a: Array
+    b: tuple[Array, ...]
+    f: tuple[Array, ...]
+    c: Array
+    d: Array
+    offset: float
+    transient: tuple[Array, ...]
+
+
+class PredictionError:
+    """Prediction errors over one record.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, m)
+        Deviations from their offsets.
+    output : ndarray, shape (n,)
+        Deviation likewise.
+    orders : Orders
+    first : int, optional
+        First sample whose error counts; at least, and by default, that of the orders.
+    offset : bool
+        Whether the offset is estimated; else it is zero.
+    """
+
+    def __init__(self, inputs: Array, output: Array, orders: Orders, first: int = 0, offset: bool = True):
+        self.inputs, self.output, self.orders, self.offset = inputs, output, orders, offset
+        self.first = max(first, orders.first)
+        self.samples = len(output) - self.first
+
+    @property
+    def size(self) -> int:
+        """How many parameters are estimated: those of the polynomials, the offset, the free responses."""
+        return self.orders.parameters + self.offset + sum(self.orders.nf)
+
+    def _past(self, values: Array, lag: int) -> Array:
+        """Return what a signal was so many samples ago, from the first sample on."""
+        return values[self.first - lag : len(values) - lag]
+
+    def past_inputs(self, which: int) -> Array:
+        """Return an input as every coefficient of its B sees it (samples, nb)."""
+        lags = range(self.orders.nk[which], self.orders.nk[which] + self.orders.nb[which])
+        return np.array([self._past(self.inputs[:, which], lag) for lag in lags]).T
+
+    def past_outputs(self) -> Array:
+        """Return the output as every coefficient of A sees it (samples, na)."""
+        columns = [self._past(self.output, lag) for lag in range(1, self.orders.na + 1)]
+        return np.array(columns).reshape(len(columns), self.samples).T
+
+    def coefficients(self, theta: Array) -> Coefficients:
+        """Take a vector of parameters (p,) apart."""
+        n, at = self.orders, 0
+
+        def take(count: int) -> Array:
+            nonlocal at
+            at += count
+            return theta[at - count : at]
+
+        a = monic(take(n.na))
+        paths = [(take(b), monic(take(f))) for b, f in zip(n.nb, n.nf, strict=True)]
+        c, d, offset = monic(take(n.nc)), monic(take(n.nd)), float(take(1)[0]) if self.offset else 0.0
+        b, f = tuple(p[0] for p in paths), tuple(p[1] for p in paths)
+        return Coefficients(a, b, f, c, d, offset, tuple(take(count) for count in n.nf))
+
+    def vector(self, parts: Coefficients) -> Array:
+        """Put polynomials together to a vector of parameters (p,)."""
+        paths = [x for b, f in zip(parts.b, parts.f, strict=True) for x in (b, f[1:])]
+        offset = np.full(int(self.offset), parts.offset)
+        return np.concatenate([parts.a[1:], *paths, parts.c[1:], parts.d[1:], offset, *parts.transient])
+
+    def admissible(self, theta: Array) -> bool:
+        """Whether the predictor and the noise model are stable."""
+        parts = self.coefficients(theta)
+        return all(is_stable(polynomial) for polynomial in (*parts.f, parts.c, parts.d))
+
+    def _paths(self, parts: Coefficients) -> list[Array]:
+        """Output of every path (samples,), its free response with it."""
+        found = []
+        for i, (b, f, transient) in enumerate(zip(parts.b, parts.f, parts.transient, strict=True)):
+            forced = self.past_inputs(i) @ b
+            forced[: len(transient)] += transient
+            found.append(filtered(np.ones(1), f, forced))
+        return found
+
+    def _disturbance(self, parts: Coefficients, paths: list[Array]) -> Array:
+        return self._past(self.output, 0) + self.past_outputs() @ parts.a[1:] - sum(paths) - parts.offset
+
+    def disturbance(self, theta: Array) -> Array:
+        """Return v (samples,): what inputs do not explain."""
+        parts = self.coefficients(theta)
+        return self._disturbance(parts, self._paths(parts))
+
+    def errors(self, theta: Array) -> Array:
+        """Return the prediction errors (samples,)."""
+        parts = self.coefficients(theta)
+        return filtered(parts.d, parts.c, self._disturbance(parts, self._paths(parts)))
+
+    def jacobian(self, theta: Array) -> Array:
+        """Return the derivatives of the prediction errors (samples, p)."""
+        parts = self.coefficients(theta)
+        paths = self._paths(parts)
+        v = self._disturbance(parts, paths)
+        e = filtered(parts.d, parts.c, v)
+        impulse = np.zeros(self.samples)
+        impulse[0] = 1.0
+        columns, free = [filtered(parts.d, parts.c, self.past_outputs())], []
+        for i, (f, w) in enumerate(zip(parts.f, paths, strict=True)):
+            both = np.convolve(parts.c, f)
+            columns += [-filtered(parts.d, both, self.past_inputs(i)), _lags(filtered(parts.d, both, w), len(f) - 1)]
+            free.append(-_lags(filtered(parts.d, both, impulse), len(f) - 1, 0))
+        columns.append(-_lags(filtered(np.ones(1), parts.c, e), self.orders.nc))
+        columns.append(_lags(filtered(np.ones(1), parts.c, v), self.orders.nd))
+        columns.append(-filtered(parts.d, parts.c, np.ones((self.samples, int(self.offset)))))
+        return np.hstack(columns + free)
+
+
+def _lags(values: Array, count: int, first: int = 1) -> Array:
+    """Return a signal that began at rest, delayed by ``first`` and more samples (n, count)."""
+    delayed = np.zeros((len(values), count))
+    for k in range(count):
+        lag = k + first
+        delayed[lag:, k] = values[: len(values) - lag]
+    return delayed

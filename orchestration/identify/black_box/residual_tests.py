@@ -1,0 +1,149 @@
+"""Whether a residual is white, and independent of the inputs (Ljung, section 16.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import toeplitz
+from scipy.signal import correlate
+from scipy.stats import chi2, norm
+
+from fmus.kit.errors import UserError
+from orchestration.identify.metrics import Whiteness, whiteness
+
+Array = NDArray[np.float64]
+_SINGULAR = 1e-9  # of the largest eigenvalue of a correlation matrix, below which a direction says nothing
+
+
+@dataclass(frozen=True)
+class CrossCorrelation:
+    """Cross-correlation of a residual with an input, dimensionless.
+
+    Attributes
+    ----------
+    lags : ndarray of int, shape (2 k + 1,)
+        In samples; where positive the input comes first, where negative the residual does, as under feedback.
+    values : ndarray, shape (2 k + 1,)
+    limit : float
+        Confidence limit of every value if the two are independent.
+    statistic, p_value : float
+        Of the lags from zero on together, and the probability of as much under independence.
+    significance : float
+    """
+
+    lags: NDArray[np.int_]
+    values: Array
+    limit: float
+    statistic: float
+    p_value: float
+    significance: float
+
+    @property
+    def is_independent(self) -> bool:
+        """Whether independence of past inputs is not rejected."""
+        return self.p_value >= self.significance
+
+
+@dataclass(frozen=True)
+class ResidualTests:
+    """Residual analysis of a model.
+
+    Attributes
+    ----------
+    autocorrelation : ndarray, shape (k + 1,)
+        Of the residual at lags 0 to k; the first is one.
+    limit : float
+        Confidence limit of every value but the first if the residual is white.
+    whiteness : Whiteness
+        Of all lags together, by Ljung and Box.
+    inputs : tuple of CrossCorrelation, length m
+    """
+
+    autocorrelation: Array
+    limit: float
+    whiteness: Whiteness
+    inputs: tuple[CrossCorrelation, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the residual is white and independent of every past input."""
+        return self.whiteness.is_white and all(cross.is_independent for cross in self.inputs)
+
+
+def residual_tests(
+    residual: ArrayLike, inputs: ArrayLike, lags: int = 25, significance: float = 0.01
+) -> ResidualTests:  # fmt: skip
+    """Test a residual for whiteness and independence.
+
+    The limits for cross-correlations allow for the colour of both signals, ``P = sum_k R_e(k) R_u(k)`` (Ljung, section
+    16.6), with the residual's colour as far as the lags go. Parameters that were fitted are not allowed for, so that
+    the tests reject a right model somewhat less often than the significance says.
+
+    Parameters
+    ----------
+    residual : array_like, shape (n,)
+        Equally spaced, any unit.
+    inputs : array_like, shape (n, m)
+    lags : int
+        How far to look.
+    significance : float
+        False alarm rate of each test, and of each limit.
+
+    Returns
+    -------
+    ResidualTests
+
+    Raises
+    ------
+    UserError
+        If shapes do not agree, a sample is not finite, the residual is constant, the significance is no probability,
+        there are no lags or more than a quarter of the samples.
+    """
+    e, u = np.asarray(residual, dtype=np.float64), np.asarray(inputs, dtype=np.float64)
+    u = u[:, np.newaxis] if u.ndim == 1 else u
+    if e.ndim != 1 or u.ndim != 2 or len(u) != len(e):
+        raise UserError(f"residual of shape {e.shape} and inputs of {u.shape}: must be (n,) and (n, m)")
+    if not 0.0 < significance < 1.0:
+        raise UserError(f"significance = {significance:g}: must be between 0 and 1")
+    if not 1 <= lags <= len(e) // 4:
+        raise UserError(f"lags = {lags}: must be from 1 to a quarter of the {len(e)} samples")
+    if not (np.isfinite(e).all() and np.isfinite(u).all()) or np.ptp(e) == 0.0:
+        raise UserError("residual and inputs must be finite numbers, and the residual not constant")
+    auto = _covariance(e, e, lags)[lags:]
+    return ResidualTests(
+        auto / auto[0],
+        float(norm.isf(significance / 2.0)) / np.sqrt(len(e)),
+        whiteness(e, lags, significance),
+        tuple(_cross(e, column, auto, lags, significance) for column in u.T),
+    )
+
+
+def _covariance(x: Array, y: Array, lags: int) -> Array:
+    """Mean of ``x(t) y(t - k)`` about the means, k from minus to plus the lags."""
+    x, y = x - x.mean(), y - y.mean()
+    middle = len(x) - 1
+    whole = correlate(x, y, method="fft")
+    return np.asarray(whole[middle - lags : middle + lags + 1] / len(x), dtype=np.float64)
+
+
+def _cross(e: Array, u: Array, auto: Array, lags: int, significance: float) -> CrossCorrelation:
+    n = len(e)
+    at = np.arange(-lags, lags + 1)
+    own = _covariance(u, u, 2 * lags)[2 * lags :]
+    if own[0] == 0.0:
+        return CrossCorrelation(at, np.zeros(len(at)), 0.0, 0.0, 1.0, significance)
+    values = _covariance(e, u, lags)
+    # covariance of the estimates at lags k and l: sum_s R_e(s) R_u(s + k - l) / n
+    spread = np.zeros(lags + 1)
+    for s in range(-lags, lags + 1):
+        spread += auto[abs(s)] * own[np.abs(np.arange(lags + 1) + s)]
+    past = values[lags:]
+    eigenvalues, directions = np.linalg.eigh(toeplitz(spread / n))
+    kept = eigenvalues > _SINGULAR * eigenvalues[-1]
+    statistic = float(np.sum((directions[:, kept].T @ past) ** 2 / eigenvalues[kept]))
+    scale = np.sqrt(auto[0] * own[0])
+    limit = float(norm.isf(significance / 2.0)) * np.sqrt(max(spread[0], 0.0) / n) / scale
+    p_value = float(chi2.sf(statistic, int(np.count_nonzero(kept))))
+    return CrossCorrelation(at, values / scale, float(limit), statistic, p_value, significance)

@@ -1,0 +1,110 @@
+"""What an identification gives: a model, how uncertain it is, and how well it does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.identify.black_box.data import InputOutputData
+from orchestration.identify.black_box.models.linear import LinearModel
+from orchestration.identify.black_box.residual_tests import ResidualTests, residual_tests
+
+Array = NDArray[np.float64]
+_LEAST = 1e-300  # loss that still has a logarithm, where data are without noise
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A coefficient of a model.
+
+    Attributes
+    ----------
+    name : str
+        ``a1``, or ``b2_3`` for the coefficient of q^-3 in the B of the second input.
+    value, standard_error : float
+        The latter infinite where the data do not determine the former.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
+class Identification:
+    """An identified model.
+
+    Attributes
+    ----------
+    model : LinearModel
+    data : InputOutputData
+        What it was identified from.
+    parameters : tuple of Parameter
+        Empty for a state-space model, whose coordinates are arbitrary.
+    covariance : ndarray, shape (p, p)
+        Of the parameters, in their order.
+    count : int
+        How many parameters AIC and BIC charge for: the offset is one, where it is estimated; initial states are none.
+    residual : ndarray, shape (r,)
+        One-step prediction errors of the last r samples, in the unit of the output.
+    converged : bool
+    messages : tuple of str
+        What one should know: offsets, weak excitation, instability, one line each.
+    """
+
+    model: LinearModel
+    data: InputOutputData
+    parameters: tuple[Parameter, ...]
+    covariance: Array
+    count: int
+    residual: Array
+    converged: bool
+    messages: tuple[str, ...]
+
+    @property
+    def loss(self) -> float:
+        """Mean square of the residual, in the unit of the output squared."""
+        return float(self.residual @ self.residual) / len(self.residual)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion per sample, ``log V + 2 d / N`` (Ljung, eq. 16.47; the thesis' table 3-2)."""
+        return float(np.log(max(self.loss, _LEAST))) + 2.0 * self.count / len(self.residual)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion per sample, ``log V + d log(N) / N`` (Ljung, section 16.4)."""
+        return float(np.log(max(self.loss, _LEAST))) + self.count * float(np.log(len(self.residual))) / len(
+            self.residual
+        )
+
+    @property
+    def fit(self) -> float:
+        """Free-run fit to the data it was identified from, in percent."""
+        return self.model.fit(self.data)
+
+    def parameter(self, name: str) -> Parameter:
+        """Return a parameter by name.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        return {p.name: p for p in self.parameters}[name]
+
+    def residual_tests(self, lags: int = 25, significance: float = 0.01) -> ResidualTests:
+        """Test whether the residual is white and independent of the inputs; see :func:`residual_tests`."""
+        return residual_tests(self.residual, self.data.inputs[-len(self.residual) :], lags, significance)
+
+    def summary(self) -> str:
+        """Return structure, figures, parameters with standard errors, and messages, one line each."""
+        lines = [
+            f"{self.model.structure} from {len(self.data)} samples every {self.data.step:g} s",
+            f"free-run fit {self.fit:.1f} %, one-step fit {self.model.fit(self.data, 1):.1f} %, "
+            f"AIC {self.aic:.3f}, BIC {self.bic:.3f}",
+            *(f"{p.name:>6} = {p.value: .6g} ± {p.standard_error:.2g}" for p in self.parameters),
+        ]
+        return "\n".join([*lines, *self.messages])

@@ -1,0 +1,1 @@
+"""Searches for the parameters that predict best, and where they start."""
