@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from orchestration.api.records import read_record
     from orchestration.api.runs import run
     from orchestration.api.simulation import simulate
+    from orchestration.api.sweeping import sweep
     from orchestration.fmu.model import find_model
     from orchestration.system.model import System
 
@@ -35,10 +36,12 @@ _HOME = {
     "read_record": "orchestration.api.records",
     "run": "orchestration.api.runs",
     "simulate": "orchestration.api.simulation",
+    "sweep": "orchestration.api.sweeping",
     "System": "orchestration.system.model",
 }
 __all__ = [
     "System", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run", "simulate",
+    "sweep",
 ]  # fmt: skip
 
 

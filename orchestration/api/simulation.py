@@ -149,22 +149,31 @@ def simulate(
     5.59
     """
     subject = as_model(model)
+    points, driven = stimulus(subject, inputs or {}, time, stop, step)
+    parameters = values_of(subject, settings)
+    return Simulation(subject, points, driven, run_fmu(subject, points, driven, parameters))
+
+
+def stimulus(
+    model: Model, inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]], time: ArrayLike | None,
+    stop: float | None, step: float | None,
+) -> tuple[Array, dict[str, Array]]:  # fmt: skip
+    """Return points in time (n,) in s, and inputs over them (n,) in the model's units, as `simulate` takes them."""
     if time is None:
-        own = read_description(subject.path).defaultExperiment
+        own = read_description(model.path).defaultExperiment
         last = stop if stop is not None else float(getattr(own, "stopTime", None) or 10.0)
         points = grid(0.0, last, step if step is not None else float(getattr(own, "stepSize", None) or last / 1000))
     else:
         points = np.asarray(time, dtype=float)
     driven = {}
-    for name, values in (inputs or {}).items():
-        if name not in subject.inputs:
-            raise UserError(f"{subject.name}: no input named {name!r}{suggestion(name, subject.inputs)}")
+    for name, values in inputs.items():
+        if name not in model.inputs:
+            raise UserError(f"{model.name}: no input named {name!r}{suggestion(name, model.inputs)}")
         given = np.asarray(values(points) if callable(values) else values, dtype=float)
         if given.shape not in ((), points.shape):
             raise UserError(f"{name}: shape {given.shape} for {points.size} points in time")
         driven[name] = np.broadcast_to(given, points.shape)
-    parameters = values_of(subject, settings)
-    return Simulation(subject, points, driven, run_fmu(subject, points, driven, parameters))
+    return points, driven
 
 
 def as_model(model: Model | type[Component] | str) -> Model:

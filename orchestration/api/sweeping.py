@@ -1,0 +1,105 @@
+"""Sweeps from Python: ``ppy.sweep``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fmus.kit import Component
+from fmus.kit.errors import UserError, suggestion
+from orchestration.api.simulation import as_model, stimulus, values_of
+from orchestration.fmu.model import Model
+from orchestration.sweeps.design import design
+from orchestration.sweeps.ranges import read_range
+from orchestration.sweeps.reductions import checked
+from orchestration.sweeps.repeated import Task
+from orchestration.sweeps.run import run
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+
+
+def sweep(
+    model: Model | type[Component] | str,
+    over: Mapping[str, str | Sequence[float]],
+    inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]] | None = None,
+    *,
+    time: ArrayLike | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    settings: Mapping[str, float | str] | None = None,
+    kind: str = "grid",
+    samples: int | None = None,
+    seed: int = 0,
+    outputs: Sequence[str] = (),
+    keep: Sequence[str] = ("last", "smallest", "largest"),
+    workers: int = 1,
+    folder: str | Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+) -> xarray.Dataset:
+    """Run a model over many values of its parameters.
+
+    Parameters
+    ----------
+    model, inputs, time, stop, step, settings
+        As in `simulate`.
+    over : Mapping of str to str or sequence of float
+        What each parameter, or held input, goes through: ``"0.3..0.7:41"``, ``"1e-3..1e-1:7 log"``,
+        ``"6.3 N/mm, 9 N/mm"``, or values in the model's unit; ``"0.3..0.7"`` for a design that chooses them.
+    kind : {"grid", "list", "latin-hypercube", "sobol"}
+        Design.
+    samples, seed : int
+        Of the last two.
+    outputs : sequence of str
+        All unless given.
+    keep : sequence of str
+        Of each output: ``last``, ``smallest``, ``largest``, ``mean``, ``rms``, or ``trace`` for its whole course.
+    workers : int
+        Processes.
+    folder : str or Path, optional
+        Keeps what is done, so that the same call goes on after an interrupt.
+    progress : callable
+        Told how many cases are done, and of how many.
+
+    Returns
+    -------
+    xarray.Dataset
+        With units, over one dimension for each parameter of a grid, else over ``case``.
+
+    Raises
+    ------
+    UserError
+        If something does not fit the model.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> found = ppy.sweep("ppy_actuator", {"R1": "0.3..0.7:3", "C": "5, 10"}, {"current": 0.5}, stop=10.0, step=0.1)
+    >>> dict(found["voltage_last"].sizes)
+    {'R1': 3, 'C': 2}
+    >>> found["voltage_last"].units
+    'V'
+    """
+    subject = as_model(model)
+    if workers < 1:
+        raise UserError(f"workers {workers}: one or more")
+    unknown = next((name for name in outputs if name not in subject.outputs), None)
+    if unknown is not None:
+        raise UserError(f"{subject.name}: no output named {unknown!r}{suggestion(unknown, subject.outputs)}")
+    texts = {n: v if isinstance(v, str) else ", ".join(map(repr, map(float, v))) for n, v in over.items()}
+    cases = design([read_range(f"{n}={text}", subject) for n, text in texts.items()], kind, samples, seed)
+    points, fed = stimulus(subject, inputs or {}, time, stop, step)
+    given = values_of(subject, settings)
+    twice = next((n for n in cases.names if n in given or n in fed), None)
+    if twice is not None:
+        raise UserError(f"{twice} is swept, and set to one value besides")
+    task = Task(
+        subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep))
+    )  # fmt: skip
+    return run(subject, task, cases, workers, None if folder is None else Path(folder), progress)

@@ -1,0 +1,1 @@
+"""Sweeps: one model run over many values of its parameters."""

@@ -1,0 +1,119 @@
+"""Which combinations of values are run: a full grid, or a sample that fills the space evenly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from fmus.kit.errors import UserError
+from orchestration.sweeps.ranges import Range
+
+Array = NDArray[np.float64]
+DESIGNS = ("grid", "list", "latin-hypercube", "sobol")
+MOST = 100_000_000  # cases
+
+
+@dataclass(frozen=True)
+class Design:
+    """The cases of a sweep.
+
+    Attributes
+    ----------
+    kind : {"grid", "list", "latin-hypercube", "sobol"}
+    ranges : tuple of Range
+        One for each of p parameters.
+    cases : ndarray, shape (n, p)
+        In the units of the ranges; of a grid the last parameter changes fastest.
+    """
+
+    kind: str
+    ranges: tuple[Range, ...]
+    cases: Array
+
+    @property
+    def names(self) -> list[str]:
+        """Of the parameters."""
+        return [one.name for one in self.ranges]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values of each parameter of a grid; of another design the number of cases."""
+        return tuple(len(one.values) for one in self.ranges) if self.kind == "grid" else (len(self.cases),)
+
+
+def design(ranges: Sequence[Range], kind: str = "grid", samples: int | None = None, seed: int = 0) -> Design:
+    """Choose the cases.
+
+    Parameters
+    ----------
+    ranges : sequence of Range
+    kind : {"grid", "list", "latin-hypercube", "sobol"}
+        Every value with every other; the first values of all parameters, then the second ones, and so on; or points
+        between the ends of the ranges, one in each of as many equal parts of every parameter (McKay, Beckman, Conover,
+        Technometrics 21, 1979), or of low discrepancy (Sobol, with Owen's scrambling).
+    samples : int, optional
+        Points of the last two; a power of two for ``sobol``.
+    seed : int
+        Of these.
+
+    Raises
+    ------
+    UserError
+        If the ranges, their kind and the number of samples do not go together.
+    """
+    if kind not in DESIGNS:
+        raise UserError(f"--design {kind}: it is one of {', '.join(DESIGNS)}")
+    if not ranges:
+        raise UserError("nothing to sweep: name a parameter with --over, such as --over R1=0.3..0.7:41")
+    names = [one.name for one in ranges]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice:
+        raise UserError(f"--over names {twice} twice")
+    chosen = tuple(ranges)
+    if kind in ("grid", "list"):
+        return _given(chosen, kind, samples)
+    return _sampled(chosen, kind, samples, seed)
+
+
+def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
+    if samples is not None:
+        raise UserError(f"--samples {samples} is of --design latin-hypercube and sobol; a {kind} has its own values")
+    open_ended = next((one.name for one in ranges if not one.counted), None)
+    if open_ended:
+        raise UserError(f"--over {open_ended} names no count of values, as in 0.3..0.7:41, which a {kind} needs")
+    lengths = [len(one.values) for one in ranges]
+    if kind == "list" and len(set(lengths)) > 1:
+        told = ", ".join(f"{one.name} {n}" for one, n in zip(ranges, lengths, strict=True))
+        raise UserError(f"--design list takes as many values of every parameter, not {told}")
+    count = float(np.prod(np.array(lengths, dtype=float))) if kind == "grid" else lengths[0]
+    if count > MOST:
+        raise UserError(f"{count:.3g} cases; at most {MOST:,} are made")
+    columns = [one.values for one in ranges]
+    grid = np.meshgrid(*columns, indexing="ij") if kind == "grid" else columns
+    return Design(kind, ranges, np.column_stack([one.ravel() for one in grid]))
+
+
+def _sampled(ranges: tuple[Range, ...], kind: str, samples: int | None, seed: int) -> Design:
+    if samples is None or not 1 <= samples <= MOST:
+        raise UserError(f"--design {kind} needs --samples, from 1 to {MOST:,}")
+    counted = next((one.name for one in ranges if one.counted), None)
+    if counted:
+        raise UserError(f"--over {counted} has its values, which --design {kind} chooses: write from..to")
+    if kind == "sobol" and samples & (samples - 1):
+        raise UserError(f"--samples {samples}: points of Sobol are even for powers of two only, such as 128 and 256")
+    sampler = (qmc.Sobol if kind == "sobol" else qmc.LatinHypercube)(len(ranges), rng=np.random.default_rng(seed))
+    unit = sampler.random(samples)
+    columns = [_between(one, unit[:, k]) for k, one in enumerate(ranges)]
+    return Design(kind, ranges, np.column_stack(columns))
+
+
+def _between(one: Range, share: Array) -> Array:
+    """Values at shares (n,) of a range."""
+    low, high = one.values
+    if one.logarithmic:
+        return np.asarray(low * (high / low) ** share)
+    return np.asarray(low + (high - low) * share)

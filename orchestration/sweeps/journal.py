@@ -1,0 +1,111 @@
+"""What a sweep has done so far, on disk: numbers as they come, so that an interrupted one goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+from orchestration.sweeps.repeated import Outcome, Task, failed
+
+Array = NDArray[np.float64]
+_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = "sweep.json", "done.npy", "numbers.npy", "traces.npy", "failures.jsonl"
+
+
+class Journal:
+    """Outcomes of all cases of a sweep in a folder; arrays there are as large as all of them from the start.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there; of a sweep that is the same it is gone on with.
+    task : Task
+    cases : ndarray, shape (n, p)
+    guid : str
+        Of the FMU.
+
+    Raises
+    ------
+    UserError
+        If the folder is of another sweep, or cannot be written.
+    """
+
+    def __init__(self, folder: Path, task: Task, cases: Array, guid: str):
+        self.folder, self._task = folder, task
+        about = _about(task, cases, guid)
+        nothing = failed(task, "")
+        try:
+            if (folder / _ABOUT).exists():
+                _check(folder, json.loads((folder / _ABOUT).read_text(encoding="utf-8")), about)
+                mode: Any = "r+"
+            else:
+                folder.mkdir(parents=True, exist_ok=True)
+                mode = "w+"
+            self._done = _array(folder / _DONE, mode, (len(cases),), "u1")
+            self.numbers = _array(folder / _NUMBERS, mode, (len(cases), *nothing.numbers.shape), "f8")
+            self.traces = _array(folder / _TRACES, mode, (len(cases), *nothing.trace.shape), "f8")
+            (folder / _ABOUT).write_text(json.dumps(about), encoding="utf-8")
+        except OSError as error:
+            raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
+        path = folder / _FAILURES
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+        self.failures: dict[int, str] = {int(row): reason for row, reason in map(json.loads, lines)}
+
+    @property
+    def left(self) -> list[int]:
+        """Cases that are not done."""
+        return [int(row) for row in np.flatnonzero(self._done == 0)]
+
+    def write(self, row: int, outcome: Outcome) -> None:
+        """Keep what a case left; it is done once its numbers are there."""
+        self.numbers[row] = outcome.numbers
+        if outcome.trace.size:
+            self.traces[row] = outcome.trace
+        if outcome.failure:
+            self.failures[row] = outcome.failure
+            with (self.folder / _FAILURES).open("a", encoding="utf-8") as file:
+                file.write(json.dumps([row, outcome.failure]) + "\n")
+        self._done[row] = 1
+
+    def remove(self) -> None:
+        """Remove the folder."""
+        del self._done, self.numbers, self.traces
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _array(path: Path, mode: Any, shape: tuple[int, ...], kind: str) -> Array:
+    if 0 in shape:
+        return np.empty(shape, kind)
+    return np.lib.format.open_memmap(path, mode, np.dtype(kind), shape if mode == "w+" else None)
+
+
+def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
+    """Digests of what a sweep is."""
+
+    def digest(*parts: Any) -> str:
+        whole = hashlib.sha256()
+        for part in parts:
+            whole.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+        return whole.hexdigest()
+
+    return {
+        "the FMU": guid,
+        "the cases": digest(task.names, cases),
+        "settings and inputs": digest(
+            sorted(task.settings.items()), task.time, sorted(task.inputs), *task.inputs.values()
+        ),
+        "what is kept": digest(task.outputs, task.keep),
+    }
+
+
+def _check(folder: Path, known: Mapping[str, str], about: Mapping[str, str]) -> None:
+    other = [what for what, digest in about.items() if known.get(what) != digest]
+    if other:
+        raise UserError(f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another --out")

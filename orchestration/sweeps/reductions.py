@@ -1,0 +1,43 @@
+"""What is kept of an output's course: a few numbers, or all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError, suggestion
+
+Array = NDArray[np.float64]
+REDUCTIONS: dict[str, Callable[[Array], Array]] = {
+    "last": lambda y: y[-1],
+    "smallest": lambda y: y.min(axis=0),
+    "largest": lambda y: y.max(axis=0),
+    "mean": lambda y: y.mean(axis=0),
+    "rms": lambda y: np.sqrt(np.mean(y * y, axis=0)),
+}
+TRACE = "trace"  # all of it
+
+
+def checked(names: Sequence[str]) -> list[str]:
+    """Names of what is kept.
+
+    Raises
+    ------
+    UserError
+        If one is not known, or there is none.
+    """
+    known = [*REDUCTIONS, TRACE]
+    for name in names:
+        if name not in known:
+            raise UserError(f"--keep {name}: no such reduction{suggestion(name, known)}; there are {', '.join(known)}")
+    if not names:
+        raise UserError(f"--keep names nothing; there are {', '.join(known)}")
+    return list(dict.fromkeys(names))
+
+
+def reduced(course: Array, names: Sequence[str]) -> Array:
+    """Reduce outputs (n, m) over n points to numbers (r, m) by r reductions, traces left out."""
+    kept = [REDUCTIONS[name](course) for name in names if name != TRACE]
+    return np.array(kept).reshape(len(kept), course.shape[1])

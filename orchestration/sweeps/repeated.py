@@ -1,0 +1,152 @@
+"""One FMU run again and again: unpacked once, one instance, reset between the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from fmpy.fmi2 import fmi2Error, fmi2Warning
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.signal import Value
+from orchestration.fmu.simulate import simulate_instance
+from orchestration.sweeps.reductions import TRACE, reduced
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What every case has in common: numbers and paths only, so that a worker can be told it.
+
+    Attributes
+    ----------
+    path : Path
+        Of the FMU.
+    names : tuple of str
+        What the values of a case are of: parameters, or inputs that are held.
+    settings : dict of str to float or str
+        Other parameters, in the FMU's units.
+    time : ndarray, shape (n,)
+        Communication points, s.
+    inputs : dict of str to ndarray, shape (n,)
+        In the FMU's units.
+    outputs : tuple of str
+        That are kept, m of them.
+    keep : tuple of str
+        Reductions, r of them, and ``trace`` for the whole course.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    settings: dict[str, Value]
+    time: Array
+    inputs: dict[str, Array]
+    outputs: tuple[str, ...]
+    keep: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a case left.
+
+    Attributes
+    ----------
+    numbers : ndarray, shape (r, m)
+        By reductions and outputs, in the FMU's units; NaN where the case failed.
+    trace : ndarray, shape (n, m) or (0, m)
+        The whole course, where it is kept.
+    failure : str
+        Why there is nothing; empty if there is.
+    """
+
+    numbers: Array
+    trace: Array
+    failure: str = ""
+
+
+def failed(task: Task, reason: str) -> Outcome:
+    """An outcome of nothing."""
+    kept, m = [name for name in task.keep if name != TRACE], len(task.outputs)
+    points = len(task.time) if TRACE in task.keep else 0
+    return Outcome(np.full((len(kept), m), np.nan), np.full((points, m), np.nan), reason)
+
+
+class Repeated:
+    """An instance of a task's FMU; a context manager.
+
+    Parameters
+    ----------
+    task : Task
+
+    Raises
+    ------
+    UserError
+        If the FMU cannot be opened.
+    """
+
+    def __init__(self, task: Task):
+        self.task, self._fmu = task, Fmu(task.path)
+        self._fresh = self._can_reset = True
+        parameters = [n for n in task.names if n not in set(self._fmu.inputs)]
+        self._parameters: Sequence[str] = parameters
+
+    def __enter__(self) -> Repeated:
+        self._fmu.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._fmu.__exit__(kind, error, trace)
+
+    def run(self, values: Array) -> Outcome:
+        """Run one case from the start; what the FMU refuses is the outcome.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+            Of the task's names, in the FMU's units.
+
+        Raises
+        ------
+        UserError
+            If the FMU cannot be reset, or must not be called again.
+        """
+        task, given = self.task, dict(zip(self.task.names, values.tolist(), strict=True))
+        if not self._fresh:
+            self._begin_again()
+        self._fresh = False
+        try:
+            course = self._course(given)
+        except UserError as error:
+            if self._fmu.corrupted:
+                raise
+            return failed(task, str(error))
+        return Outcome(reduced(course, task.keep), course if TRACE in task.keep else course[:0])
+
+    def _begin_again(self) -> None:
+        """Bring the instance to where it was before it started; one that cannot go there is made anew."""
+        status = self._fmu.bound("fmi2Reset")() if self._can_reset else fmi2Error
+        if status <= fmi2Warning:
+            return
+        failure = self._fmu.failed("reset", status)
+        if self._fmu.corrupted:
+            raise failure
+        self._can_reset = False
+        self._fmu.close()
+        self._fmu.__enter__()
+
+    def _course(self, given: Mapping[str, float]) -> Array:
+        """Outputs (n, m)."""
+        task, fmu = self.task, self._fmu
+        fmu.parameters = {**task.settings, **{n: v for n, v in given.items() if n in self._parameters}}
+        fmu.start(float(task.time[0]))
+        held = {n: np.full(len(task.time), v) for n, v in given.items() if n not in self._parameters}
+        outputs = simulate_instance(fmu, task.time, {**task.inputs, **held}, task.outputs)
+        return np.column_stack([outputs[name] for name in task.outputs])

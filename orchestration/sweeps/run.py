@@ -1,0 +1,113 @@
+"""A sweep from its cases to a labelled dataset."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+
+from orchestration.fmu.archive import read_description
+from orchestration.fmu.model import Model
+from orchestration.fmu.signal import Signal
+from orchestration.sweeps.crew import outcomes
+from orchestration.sweeps.design import Design
+from orchestration.sweeps.journal import Journal
+from orchestration.sweeps.reductions import TRACE
+from orchestration.sweeps.repeated import Task
+
+Array = NDArray[np.float64]
+
+
+def run(
+    model: Model, task: Task, cases: Design, workers: int = 1, folder: Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+) -> xarray.Dataset:  # fmt: skip
+    """Run all cases of a design that were not run yet.
+
+    Parameters
+    ----------
+    model : Model
+    task : Task
+    cases : Design
+    workers : int
+        Processes; the numbers are the same, bit for bit, however many there are.
+    folder : Path, optional
+        Where what is done is kept, to go on with after an interrupt; it is removed at the end.
+    progress : callable
+        Told how many cases are done, and of how many.
+
+    Returns
+    -------
+    xarray.Dataset
+        See `dataset`.
+
+    Raises
+    ------
+    UserError
+        If the FMU cannot be opened, or the folder is of another sweep.
+    """
+    guid = read_description(task.path).guid
+    with tempfile.TemporaryDirectory(prefix="ppy-sweep-") as scratch:
+        journal = Journal(folder or Path(scratch) / "journal", task, cases.cases, guid)
+        left, whole = journal.left, len(cases.cases)
+        progress(whole - len(left), whole)
+        for count, (row, outcome) in enumerate(outcomes(task, cases.cases, left, workers), start=1):
+            journal.write(row, outcome)
+            progress(whole - len(left) + count, whole)
+        found = dataset(model, task, cases, np.array(journal.numbers), np.array(journal.traces), journal.failures)
+        journal.remove()
+    return found.assign_attrs(model=model.name, guid=guid)
+
+
+def dataset(
+    model: Model, task: Task, cases: Design, numbers: Array, traces: Array, failures: Mapping[int, str]
+) -> xarray.Dataset:  # fmt: skip
+    """Label what a sweep left.
+
+    Parameters
+    ----------
+    model : Model
+    task : Task
+    cases : Design
+        Of n cases.
+    numbers : ndarray, shape (n, r, m)
+        By cases, reductions and outputs.
+    traces : ndarray, shape (n, points, m)
+    failures : Mapping of int to str
+        Why cases left nothing, by their number.
+
+    Returns
+    -------
+    xarray.Dataset
+        A variable for each output and reduction, such as ``displacement_last``, and for each trace; over one dimension
+        for each parameter of a grid, else over ``case`` with the parameters beside it. ``failure`` is a text where a
+        case failed. Everything has its unit.
+    """
+    signals = {**model.parameters, **model.inputs}
+    reductions = [name for name in task.keep if name != TRACE]
+    grid = cases.kind == "grid"
+    dims = tuple(cases.names) if grid else ("case",)
+    values: dict[str, tuple[Sequence[str], Array, dict[str, str]]] = {}
+    for m, output in enumerate(task.outputs):
+        about = _about(model.outputs[output])
+        for r, name in enumerate(reductions):
+            values[f"{output}_{name}"] = (dims, numbers[:, r, m].reshape(cases.shape), about)
+        if TRACE in task.keep:
+            values[output] = ((*dims, "time"), traces[:, :, m].reshape(*cases.shape, -1), about)
+    why = np.array([failures.get(row, "") for row in range(len(cases.cases))], dtype=str)
+    if failures:
+        values["failure"] = (dims, why.reshape(cases.shape), {"long_name": "why a case left nothing"})
+    coordinates = {
+        one.name: (dims[k : k + 1] if grid else dims, one.values if grid else column, _about(signals[one.name]))
+        for k, (one, column) in enumerate(zip(cases.ranges, cases.cases.T, strict=True))
+    }
+    clock = {"time": ("time", task.time, {"units": "s", "long_name": "time"})} if TRACE in task.keep else {}
+    return xarray.Dataset(values, {**coordinates, **clock}, {"design": cases.kind})
+
+
+def _about(signal: Signal) -> dict[str, str]:
+    return {"units": signal.unit, "long_name": signal.doc or signal.name, "display_units": signal.display}

@@ -1,0 +1,63 @@
+"""Claims: ``ppy sweep`` writes what was asked for, goes on after an interrupt, and refuses in a line."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import xarray
+
+from tests.support.command import on_terminal, ppy, works
+from tests.support.hosts import build_one_state_fmu
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sweep")
+    build_one_state_fmu(folder)
+    return folder
+
+
+CALL = ("sweep", "one_state.fmu", "--set", "u=2", "--stop", "5s", "--step", "0.1s")
+
+
+def test_numbers_with_units_and_a_picture(folder):
+    said = works(*CALL, "--over", "tau=0.5..2:4", "--out", "a.nc", "--plot", "a.png", cwd=folder)
+    assert "4 cases" in said
+    found = xarray.load_dataset(folder / "a.nc", engine="scipy")
+    assert found["x_last"].values == pytest.approx(2.0 * (1.0 - np.exp(-5.0 / np.array([0.5, 1.0, 1.5, 2.0]))))
+    assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert not (folder / "a.nc.part").exists()
+
+
+def test_interrupted_it_goes_on(folder):
+    call = [*CALL, "--over", "tau=0.5..2:4000", "--step", "0.01s", "--out", "b.nc"]
+    (folder / "scratch").mkdir(exist_ok=True)
+    code, _, _ = on_terminal(*call, cwd=folder, interrupt_at=re.compile(r"\d of 4,000"))
+    assert code == 130
+    assert (folder / "b.nc.part").is_dir()
+    assert not (folder / "b.nc").exists()
+    works(*call, cwd=folder)
+    found = xarray.load_dataset(folder / "b.nc", engine="scipy")
+    assert found["x_last"].values == pytest.approx(2.0 * (1.0 - np.exp(-5.0 / found["tau"].values)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--over", "tau=2..1:4"], "a range goes up"),
+        (["--over", "tao=1..2:4"], "did you mean tau"),
+        (["--over", "tau"], "write name=from..to:count"),
+        (["--over", "tau=1..2:3", "--over", "tau=1..2:3"], "names tau twice"),
+        (["--over", "tau=1..2:3", "--out", "c.csv"], ".nc"),
+        (["--over", "tau=1..2:3", "--outputs", "y"], "no output named 'y'"),
+        (["--over", "u=1..2:3"], "swept, and set"),
+        ([], "--over"),
+    ],
+)
+def test_it_refuses_in_a_line(folder, arguments, told):
+    done = ppy(*CALL, *arguments, cwd=folder)
+    assert done.returncode == 2
+    assert told in done.stderr.replace("\n", " ")
+    assert "Traceback" not in done.stderr
