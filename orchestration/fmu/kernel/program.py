@@ -196,6 +196,11 @@ class Execution:
         return self._progress.point
 
     @property
+    def inside(self) -> bool:
+        """Whether something was done at it already."""
+        return self._progress.position > 0
+
+    @property
     def kept(self) -> int:
         """How many rows were kept since `rewind`."""
         return self._progress.row
