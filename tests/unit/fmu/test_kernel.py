@@ -20,7 +20,7 @@ from orchestration.fmu.kernel import library, pulse
 from orchestration.fmu.simulate import simulate_instance
 from tests.support.hosts import build_minimal_pythonfmu, build_one_state_fmu, finish_in_subprocess
 from tests.support.kernel import in_a_bare_loop, one_foreign_fmu, without_compiler
-from tests.support.kit_samples import Thermostat
+from tests.support.kit_samples import Adder
 from tests.support.master.samples import build_member
 from tests.support.master.sleeper import build_sleeper
 
@@ -76,22 +76,27 @@ def test_the_kernel_is_what_steps(fmu, monkeypatch):
     assert isinstance(simulated(fmu("ppy_actuator", "native"), TIME, {"current": CURRENT})[0], dict)
 
 
-def test_integers_and_booleans_are_moved_too(tmp_path, runtime):
-    path = tmp_path / "thermostat.fmu"
-    path.write_bytes(build(Thermostat, runtime, [host_platform()]))
-    boost = (np.arange(TIME.size) % 7 < 3).astype(float)
-    with Fmu(path) as instance:
-        inputs = {n: {"boost": boost}.get(n, 290.0 + FORCE) for n in reversed(instance.inputs)}
-        outputs = list(reversed(instance.outputs))
-        kinds = {instance.variable(n).type for n in (*inputs, *outputs)}
-    assert {"Real", "Boolean"} <= kinds
-    with_kernel, without = both_ways(path, TIME, inputs, outputs)
-    assert isinstance(with_kernel[0], dict)
+@pytest.mark.parametrize("options", [{}, {"linear": ["level"], "parts": 2}])
+def test_integers_and_booleans_are_moved_too(tmp_path, runtime, options):
+    """Wherever they stand among the reals."""
+    path = tmp_path / "adder.fmu"
+    path.write_bytes(build(Adder, runtime, [host_platform()]))
+    k = np.arange(TIME.size)
+    inputs = {"on": (k % 7 < 3) * 1.0, "level": CURRENT, "count": k % 5 - 2.0}
+    with_kernel, without = both_ways(path, TIME, inputs, ["off", "total", "lacking"], **options)
     assert with_kernel == without
-    for refused in (0.5, np.nan, -1.0):
-        inputs["boost"] = np.where(np.arange(TIME.size) == 20, refused, boost)
-        with_kernel, without = both_ways(path, TIME, inputs, outputs)
-        assert f"boost: {refused:g} is neither true (1) nor false (0) (at {TIME[20]:g} s)" in with_kernel[0]
+    assert np.frombuffer(with_kernel[0]["lacking"]).tolist() == (3.0 - inputs["count"]).tolist()
+    assert np.frombuffer(with_kernel[0]["off"]).tolist() == (1.0 - inputs["on"]).tolist()
+    for name, value, told in (
+        ("on", 0.5, "0.5 is neither true (1) nor false (0)"),
+        ("on", np.nan, "nan is neither true (1) nor false (0)"),
+        ("count", 0.5, "0.5 is not a whole number"),
+        ("count", 3e9, "3e+09 is not a whole number"),
+        ("count", -np.inf, "-inf is not a whole number"),
+    ):
+        bad = inputs | {name: np.where(k == 20, value, inputs[name])}
+        with_kernel, without = both_ways(path, TIME, bad, **options)
+        assert f"{name}: {told}" in with_kernel[0]
         assert with_kernel == without
 
 
