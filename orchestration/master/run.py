@@ -20,7 +20,7 @@ from orchestration.master.executor import Executor
 from orchestration.master.initialization import enter, initialize
 from orchestration.master.instances import Clock, SavedState
 from orchestration.master.interrupt import Interrupt, deferred
-from orchestration.master.kernel import KernelSchedule
+from orchestration.master.kernel.run import KernelRun
 from orchestration.master.pacing import Pacer, RealTime
 from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
 from orchestration.master.schedule import Settings
@@ -217,22 +217,22 @@ class _Runner:
 
     def _advance_in_kernel(self, interrupt: Interrupt) -> None:
         last, every = len(self._points) - 1, max(1, len(self._points) // 200)
-        with KernelSchedule(self._executor, self._points, every) as schedule:
+        with KernelRun(self._executor, self._points, every) as kernel:
             for k in (*range(every, last, every), last):
-                while not self._carried_on(schedule, k + 1) and not interrupt.pressed:
+                while not self._carried_on(kernel, k + 1) and not interrupt.pressed:
                     pass
                 if self._done > k and k % every == 0:
                     self._progress(k)
                 if interrupt.pressed:
                     break
 
-    def _carried_on(self, schedule: KernelSchedule, until: int) -> bool:
+    def _carried_on(self, kernel: KernelRun, until: int) -> bool:
         """Go on in the kernel, and take from it what was computed, however it ends."""
         try:
-            return schedule.carry_on(until)
+            return kernel.carry_on(until)
         finally:
-            self._rows.write(schedule.taken().data)
-            self._done = schedule.done
+            self._rows.write(kernel.taken().data)
+            self._done = kernel.done
 
     def _values(self) -> list[float]:
         """What is recorded, as it is now."""

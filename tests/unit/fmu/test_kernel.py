@@ -82,10 +82,12 @@ def test_integers_and_booleans_are_moved_too(tmp_path, runtime, options):
     path = tmp_path / "adder.fmu"
     path.write_bytes(build(Adder, runtime, [host_platform()]))
     k = np.arange(TIME.size)
-    inputs = {"on": (k % 7 < 3) * 1.0, "level": CURRENT, "count": k % 5 - 2.0}
-    with_kernel, without = both_ways(path, TIME, inputs, ["off", "total", "lacking"], **options)
+    inputs = {"on": (k % 7 < 3) * 1.0, "level": CURRENT, "count": k % 5 - 2.0, "more": k % 3 + 1.0}
+    with_kernel, without = both_ways(path, TIME, inputs, ["excess", "off", "total", "lacking"], **options)
     assert with_kernel == without
     assert np.frombuffer(with_kernel[0]["lacking"]).tolist() == (3.0 - inputs["count"]).tolist()
+    excess = inputs["count"] - 5.0 * inputs["more"]
+    assert np.frombuffer(with_kernel[0]["excess"]).tolist() == excess.tolist()
     assert np.frombuffer(with_kernel[0]["off"]).tolist() == (1.0 - inputs["on"]).tolist()
     for name, value, told in (
         ("on", 0.5, "0.5 is neither true (1) nor false (0)"),

@@ -104,13 +104,10 @@ def test_a_loop_is_the_only_thing_that_is_done_in_python(member, steps_in_python
 def test_integers_and_booleans_pass_from_member_to_member(tmp_path, runtime, steps_in_python):
     path = tmp_path / "adder.fmu"
     path.write_bytes(build(Adder, runtime, [host_platform()]))
-    wires = ("one.lacking -> two.count", "one.off -> two.on", "one.total -> two.level", "two.lacking -> one.count")
-    system = System(
-        "pair",
-        (Member("one", path, {"level": 0.1}), Member("two", path)),
-        connect(*wires),
-        {"on": (Port("one", "on"),)},
-    )
+    wires = ["one.lacking -> two.count", "one.off -> two.on", "one.total -> two.level"]
+    wires += ["two.lacking -> one.count", "two.excess -> one.more"]
+    members = Member("one", path, {"level": 0.1}), Member("two", path, {"more": 3.0})
+    system = System("pair", members, connect(*wires), {"on": (Port("one", "on"),)})
     on = (np.arange(TIME.size) % 7 < 3).astype(float)
     jacobi = {"method": "jacobi", "feedthrough": False}
     run(system, TIME, {"on": on}, **jacobi)

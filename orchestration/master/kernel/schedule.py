@@ -1,10 +1,9 @@
-"""The schedule of a system as a program of the stepping kernel, and a run of it that comes back for what is rare."""
+"""The schedule of a system as a program of the stepping kernel, which comes back to Python for what is rare."""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.program import (
     WHOLE_NUMBERS,
-    Execution,
     Handler,
     Program,
     Return,
@@ -27,101 +25,75 @@ from orchestration.master.schedule import ExchangeStage, MemberCall, PlainStep
 Array = NDArray[np.float64]
 
 
-class KernelSchedule:
-    """The steps and exchanges of all members, at every communication point after the first; a context manager.
+def translated(executor: Executor, points: Sequence[float], rows: Array) -> Program:
+    """Make a program of what all members do in a step and at its end.
 
     Parameters
     ----------
     executor : Executor
         In which all members take part in every step, and inputs are held.
     points : sequence of float
-        Communication points in s.
-    most : int
-        Largest number of points between two looks at `taken`.
+        Communication points in s; the program is for those after the first.
+    rows : ndarray, shape (any, outputs)
+        Where the outputs are kept, the first after a rewind in the first row.
+
+    Returns
+    -------
+    Program
+        Owners in it are the members, by their number.
     """
+    translation = _Translation(executor, points)
+    program = translation.program
+    program.begin()
+    for number, calls in executor.complete.steps:
+        for call in calls:
+            translation.add(call, lag=1)
+        program.spent(number)
+    for stage in executor.complete.stages:
+        translation.add_stage(stage, lag=0)
+    program.keep(ctypes.addressof(executor.outputs.cells), len(executor.outputs.at), rows)
+    return program
 
-    def __init__(self, executor: Executor, points: Sequence[float], most: int):
-        self._executor, self._points = executor, points
+
+class _Translation:
+    """What a schedule calls, copies and feeds, added to a program in that order."""
+
+    def __init__(self, executor: Executor, points: Sequence[float]):
+        self._executor, self._points, self._times = executor, points, np.array(points)
         self._owners = {member.name: k for k, member in enumerate(executor.members)}
-        self._times = np.array(points)
-        self._rows = np.empty((most, len(executor.outputs.at)))
-        self._program = Program()
-        self._program.begin()
-        for number, calls in executor.complete.steps:
-            for call in calls:
-                self._add(call, lag=1)
-            self._program.spent(number)
-        for stage in executor.complete.stages:
-            self._add_stage(stage, lag=0)
-        self._program.keep(ctypes.addressof(executor.outputs.cells), len(executor.outputs.at), self._rows)
-        self._execution = Execution(self._program, len(executor.members), first=1)
+        self.program = Program()
 
-    def __enter__(self) -> KernelSchedule:
-        self._execution.__enter__()
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._execution.__exit__(*error)
-        execution, executor = self._execution, self._executor
-        executor.complete.count += execution.point - 1 + execution.inside  # a step that failed was begun
-        for k, member in enumerate(executor.members):
-            member.fmu.warnings += int(execution.warnings[k])
-            executor.seconds[k] += float(execution.seconds[k])
-
-    @property
-    def done(self) -> int:
-        """How many communication points are complete."""
-        return self._execution.point
-
-    def carry_on(self, until: int) -> bool:
-        """Go on up to a communication point, which is left out; false if Python should look around before.
-
-        Raises
-        ------
-        UserError
-            If a member fails, gives something that is no number to another, or a loop cannot be solved.
-        """
-        return self._execution.carry_on(until)
-
-    def taken(self) -> Array:
-        """Rows of outputs, one for each point completed since the last look; valid until the kernel goes on."""
-        kept = self._rows[: self._execution.kept]
-        self._execution.rewind()
-        return kept
-
-    def _at(self, point: int, lag: int) -> None:
-        self._executor.at(self._points[point - 1], self._points[point], point - lag)
-
-    def _add_stage(self, stage: ExchangeStage, lag: int) -> None:
+    def add_stage(self, stage: ExchangeStage, lag: int) -> None:
+        """Add an exchange of values; before the step (`lag` 1) those from outside are of the point before."""
         inputs, outputs = self._executor.inputs, self._executor.outputs
         copies = [_link(inputs, target, _place(outputs, source)) for target, source in stage.copies]
         scaled = [_link(inputs, c.target, _place(outputs, c.source), c.factor, c.offset) for c in stage.scaled]
-        self._program.links(library.PASS, copies, self._no_number([source for _, source in stage.copies], lag))
-        self._program.links(library.SCALE, scaled, self._no_number([c.source for c in stage.scaled], lag))
+        self.program.links(library.PASS, copies, self._no_number([source for _, source in stage.copies], lag))
+        self.program.links(library.SCALE, scaled, self._no_number([c.source for c in stage.scaled], lag))
         for kind, columns in ((library.DISTURB, stage.disturbances), (library.DRIVE, stage.external)):
             links = []
             for target, column in columns:
                 values = np.array(column)
-                self._program.hold(values)
+                self.program.hold(values)
                 links.append(_link(inputs, target, in_array(values).shifted(-lag)))
-            self._program.links(kind, links, self._no_number([], lag))
+            self.program.links(kind, links, self._no_number([], lag))
         for call in stage.calls:
-            self._add(call, lag)
+            self.add(call, lag)
 
-    def _add(self, call: MemberCall, lag: int) -> None:
-        """Add a call; before the exchange (`lag` 1) the values from outside are those of the point before."""
+    def add(self, call: MemberCall, lag: int) -> None:
+        """Add a call; before the exchange (`lag` 1) the values from outside are of the point before."""
         what, member = call.what, call.member
         handler = self._handler(call, lag)
         if isinstance(what, ExchangeStage):
-            self._add_stage(what, lag)
+            self.add_stage(what, lag)
         elif isinstance(what, PlainStep):
             ends = in_array(self._times)
             step, owner = member.fmu.bound("fmi2DoStep"), self._owners[member.name]
-            self._program.step(step, ends.shifted(-1), ends, handler, owner, what.final)
+            self.program.step(step, ends.shifted(-1), ends, handler, owner, what.final)
         elif isinstance(what, Transfer):
             self._add_transfer(what, member, handler)
         else:
-            self._program.call(handler)
+            self.program.call(handler)
 
     def _add_transfer(self, moved: Transfer, member: Instance, handler: Handler) -> None:
         setting, kind, fmu = moved.verb == "Set", moved.kind, member.fmu
@@ -131,10 +103,13 @@ class KernelSchedule:
         places = [buffer.at[port] for port in moved.ports]
         if kind == "real":
             what = library.SET_REAL if setting else library.GET_REAL
-            self._program.real(what, call, references, _place(buffer, places[0]), handler, owner)
+            self.program.real(what, call, references, _place(buffer, places[0]), handler, owner)
         else:
             what = WHOLE_NUMBERS[kind] if setting else library.GET_WHOLE
-            self._program.whole(what, call, references, _place(buffer, 0), places, handler, owner)
+            self.program.whole(what, call, references, _place(buffer, 0), places, handler, owner)
+
+    def _at(self, point: int, lag: int) -> None:
+        self._executor.at(self._points[point - 1], self._points[point], point - lag)
 
     def _handler(self, call: MemberCall, lag: int) -> Handler:
         """Do in Python what the kernel cannot, or could not: the words for it are there."""
