@@ -6,7 +6,7 @@ import ctypes
 import functools
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -45,18 +45,27 @@ def _bare_loop() -> Any:
         return ctypes.CDLL(str(path)).bare_loop
 
 
+def bare_loop(fmu: Fmu, time: np.ndarray, name: str, values: np.ndarray, output: str) -> Callable[[], np.ndarray]:
+    """Prepare a bare loop with a started instance, one input fed and one output read at every point."""
+    calls = [fmu.bound(f"fmi2{function}") for function in ("SetReal", "DoStep", "GetReal")]
+    references = [ctypes.c_uint(fmu.variable(n).valueReference) for n in (name, output)]
+    result = np.full(time.size, np.nan)
+    arrays = [a.ctypes.data_as(ctypes.c_void_p) for a in (time, values, result)]
+    functions = [ctypes.cast(call.func, ctypes.c_void_p) for call in calls]
+    loop = _bare_loop()
+
+    def go() -> np.ndarray:
+        assert loop(*functions, *calls[0].args, *references, ctypes.c_size_t(time.size), *arrays) == 0
+        return result
+
+    return go
+
+
 def in_a_bare_loop(path: Path, time: np.ndarray, name: str, values: np.ndarray, output: str) -> np.ndarray:
     """Values of an output, with one input fed."""
     with Fmu(path) as fmu:
         fmu.start(float(time[0]))
-        calls = [fmu.bound(f"fmi2{function}") for function in ("SetReal", "DoStep", "GetReal")]
-        references = [ctypes.c_uint(fmu.variable(n).valueReference) for n in (name, output)]
-        result = np.empty(time.size)
-        arrays = [a.ctypes.data_as(ctypes.c_void_p) for a in (time, values, result)]
-        functions = [ctypes.cast(call.func, ctypes.c_void_p) for call in calls]
-        status = _bare_loop()(*functions, *calls[0].args, *references, ctypes.c_size_t(time.size), *arrays)
-        assert status == 0
-        return result
+        return bare_loop(fmu, time, name, values, output)()
 
 
 def one_foreign_fmu(path: str) -> list[dict[str, list[float]]]:
