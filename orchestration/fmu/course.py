@@ -55,9 +55,11 @@ class Course(NamedTuple):
 
 def course(fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collection[str], parts: int) -> Course:
     """Compute what an instance is fed; see :func:`orchestration.fmu.simulate.simulate_instance`."""
-    points = np.ascontiguousarray(time, dtype=float)
-    table = np.column_stack([np.zeros(len(points)), *inputs.values()])[:, 1:]  # there may be no inputs
-    starts = np.concatenate([points[:1], points[:-1]])
+    both = np.concatenate([time[:1], time]).astype(float, copy=False)
+    starts, points = both[:-1], both[1:]
+    table = np.empty((len(points), len(inputs)))
+    for k, values in enumerate(inputs.values()):
+        table[:, k] = values
     if parts == 1 and not linear:
         return Course(points, list(inputs), table, [], [Part(starts, points)])
     moving = np.array([name in linear for name in inputs], dtype=bool)

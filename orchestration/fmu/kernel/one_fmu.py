@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 def stepped(fmu: Fmu, course: Course, outputs: Sequence[str], progress: Callable[[int], None], every: int) -> Array:
     """Step a started instance along its course; as :func:`orchestration.fmu.stepping.stepped`, with the same bits."""
     points = len(course.time)
-    result = np.full((points, len(outputs)), np.nan)
+    result = np.empty((points, len(outputs)))
     program = Program()
     for part in course.parts:
         _add_part(program, fmu, course, part)
@@ -73,7 +73,8 @@ def _add_part(program: Program, fmu: Fmu, course: Course, part: Part) -> None:
 
 
 def _add_setting(program: Program, fmu: Fmu, names: Sequence[str], table: Array, handler: Handler) -> None:
-    ordered = np.ascontiguousarray(table[:, _reals_first(fmu, names)])
+    columns = _reals_first(fmu, names)
+    ordered = table if columns == sorted(columns) else np.ascontiguousarray(table[:, columns])
     program.hold(ordered)
     _add_moves(program, fmu, "Set", names, ordered, handler)
 
