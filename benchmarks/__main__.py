@@ -12,6 +12,7 @@ from . import (
     coupling,
     diagnosing,
     importing,
+    kernel,
     machine,
     mapping,
     master,
@@ -25,6 +26,7 @@ from .tables import Topic
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 TOPICS: dict[str, Callable[[bool], Topic]] = {
     "step": stepping.measure,
+    "kernel": kernel.measure,
     "record": record.measure,
     "stiff": stiff.measure,
     "ageing": ageing.measure,

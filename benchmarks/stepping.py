@@ -38,7 +38,7 @@ def measure(quick: bool = False) -> Topic:
     processes, size = (2, (3, 50)) if quick else (6, (12, 1000))
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
         fmus = {
-            EMPTY: _empty_fmu(Path(folder)),
+            EMPTY: empty_fmu(Path(folder)),
             YARDSTICK: hosts.build_one_state_fmu(folder),
             NATIVE: build.build_cached(component("ppy_actuator"), "native"),
             PYTHON: build.build_cached(component("ppy_actuator"), "python"),
@@ -90,7 +90,8 @@ def _table(several: list[Times], steps: int) -> Table:
     return Table(columns, rows)
 
 
-def _empty_fmu(folder: Path) -> Path:
+def empty_fmu(folder: Path) -> Path:
+    """Pack an FMU whose functions return at once."""
     description = hosts.ONE_STATE_DESCRIPTION.replace("one_state", "empty")
     library = c_code.library("empty.c", folder)
     path = folder / "empty.fmu"

@@ -151,7 +151,7 @@ class Fmu:
         """Do the second part of `start`."""
         self._checked("initialization", self._slave.exitInitializationMode)
 
-    def bound(self, function: str, *arguments: Any) -> Callable[[], int]:
+    def bound(self, function: str, *arguments: Any) -> partial[int]:
         """Return a call of an FMI function of this instance that costs as little as Python can make it.
 
         Parameters
@@ -164,7 +164,7 @@ class Fmu:
 
         Returns
         -------
-        callable
+        functools.partial
             Returns the FMI status, which `failed` puts into words.
 
         Raises

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,10 @@ from numpy.typing import NDArray
 
 from fmus.kit import units
 from fmus.kit.errors import UserError
+from orchestration.fmu import stepping
+from orchestration.fmu.course import course
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value
 from orchestration.records import Record
@@ -152,49 +154,11 @@ def simulate_instance(
         if fmu.variable(name).causality != "input":
             inputs_are = ", ".join(fmu.inputs) or "none"
             raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {inputs_are}")
-    feed, read = fmu.writer(list(inputs)), fmu.reader(names)
-    table = np.column_stack([np.zeros(len(time)), *inputs.values()])[:, 1:]  # there may be no inputs
-    result = np.full((len(time), len(names)), np.nan)
-    every, points = max(1, len(time) // 200), time.tolist()
-    by_parts = _LinearInputs(fmu, [name in linear for name in inputs], list(inputs), feed, parts)
-    for k, now in enumerate(points):
-        if k > 0:
-            if parts == 1 and not linear:
-                fmu.step(points[k - 1], now - points[k - 1])
-            else:
-                by_parts.step(points[k - 1], now, table[k - 1], table[k])
-        try:
-            feed(table[k])
-            read(result[k])
-        except UserError as error:
-            raise UserError(f"{error} (at {now:g} s)") from error
-        if k % every == 0:
-            progress(k)
+    way = course(fmu, time, inputs, linear, parts)
+    step = stepping.stepped if library.stepper() is None else one_fmu.stepped
+    result = step(fmu, way, names, progress, max(1, len(time) // 200))
     progress(len(time))
     return {name: result[:, i] for i, name in enumerate(names)}
-
-
-class _LinearInputs:
-    """Steps from one communication point to the next in parts, with inputs of which some change linearly."""
-
-    def __init__(self, fmu: Fmu, moving: list[bool], names: list[str], feed: Callable[[Array], None], parts: int):
-        self._fmu, self._feed, self._parts = fmu, feed, parts
-        self._moving = np.array(moving, dtype=bool)
-        self._names = [name for name, moves in zip(names, moving, strict=True) if moves]
-        can = fmu.description.coSimulation.canInterpolateInputs
-        self._set_slopes = fmu.slope_writer(self._names) if self._names and can else None
-
-    def step(self, start: float, end: float, row: Array, next_row: Array) -> None:
-        """Go from inputs `row` (m,) at `start` to `next_row` at `end`, in seconds."""
-        slopes = np.where(self._moving, next_row - row, 0.0) / (end - start)
-        ends = [start + (end - start) * part / self._parts for part in range(self._parts)] + [end]
-        for begin, until in pairwise(ends):
-            if self._set_slopes is not None:
-                self._feed(row + slopes * (begin - start))
-                self._set_slopes(slopes[self._moving])
-            elif self._names:
-                self._feed(row + slopes * (0.5 * (begin + until) - start))
-            self._fmu.step(begin, until - begin)
 
 
 def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = "") -> None:

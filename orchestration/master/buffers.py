@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,26 @@ class Buffer:
         self.values: NDArray[np.float64] = np.ctypeslib.as_array(self.cells)
 
 
-def bind(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> list[FmiCall]:
-    """Prepare moving values of a member.
+class Transfer(NamedTuple):
+    """A call that moves values of one type between a buffer and a member.
+
+    Attributes
+    ----------
+    verb : {"Set", "Get"}
+        From the buffer, or to it.
+    kind : str
+        Type of the variables.
+    ports : list of Port
+        Reals stand together in the buffer, in this order.
+    """
+
+    verb: str
+    kind: str
+    ports: list[Port]
+
+
+def transfers(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> list[Transfer]:
+    """List the calls that move values of a member.
 
     Parameters
     ----------
@@ -56,13 +75,12 @@ def bind(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> list[Fmi
 
     Returns
     -------
-    list of callable
-        Each returns the FMI status.
+    list of Transfer
 
     Raises
     ------
     UserError
-        If a variable does not exist or is text; when called, if a type cannot hold the value in the buffer.
+        If a variable does not exist or is text.
     """
     kinds: dict[str, list[Port]] = {}
     for port in ports:
@@ -71,19 +89,36 @@ def bind(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> list[Fmi
         kinds.setdefault(type_of(fmu.variables[port.variable]), []).append(port)
     if "string" in kinds:
         raise UserError(f"{kinds['string'][0]} is text, not a number")
-    calls: list[FmiCall] = []
-    for run in _runs(sorted(buffer.at[port] for port in kinds.pop("real", []))):
-        names = list(buffer.at)[run[0] : run[-1] + 1]
-        values = ctypes.byref(buffer.cells, ctypes.sizeof(ctypes.c_double) * run[0])
-        calls.append(fmu.bound(f"fmi2{verb}Real", *_references(fmu, names), values))
-    for kind, own in kinds.items():
-        integers = (ctypes.c_int * len(own))()
-        call = fmu.bound(f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(integers))
-        if verb == "Get":
-            calls.append(_reading(call, integers, own, buffer))
-        else:
-            calls.append(_writing(call, integers, own, buffer, kind))
-    return calls
+    at = list(buffer.at)
+    runs = _runs(sorted(buffer.at[port] for port in kinds.pop("real", [])))
+    reals = [Transfer(verb, "real", at[run[0] : run[-1] + 1]) for run in runs]
+    return reals + [Transfer(verb, kind, own) for kind, own in kinds.items()]
+
+
+def bind(transfer: Transfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
+    """Prepare a transfer.
+
+    Parameters
+    ----------
+    transfer : Transfer
+    fmu : Fmu
+        The instance.
+    buffer : Buffer
+
+    Returns
+    -------
+    callable
+        Returns the FMI status; UserError if a type cannot hold the value in the buffer.
+    """
+    verb, kind, own = transfer
+    if kind == "real":
+        values = ctypes.byref(buffer.cells, ctypes.sizeof(ctypes.c_double) * buffer.at[own[0]])
+        return fmu.bound(f"fmi2{verb}Real", *_references(fmu, own), values)
+    integers = (ctypes.c_int * len(own))()
+    call = fmu.bound(f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(integers))
+    if verb == "Get":
+        return _reading(call, integers, own, buffer)
+    return _writing(call, integers, own, buffer, kind)
 
 
 def _references(fmu: Fmu, ports: Sequence[Port]) -> tuple[object, ctypes.c_size_t]:

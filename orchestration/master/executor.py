@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration.fmu.signal import type_of
 from orchestration.master.algebraic_loops import FixedPoint
-from orchestration.master.buffers import Buffer, FmiCall, bind
+from orchestration.master.buffers import Buffer, FmiCall, bind, transfers
 from orchestration.master.dependency_graph import Loop, Read, Structure, describe, order, plan
 from orchestration.master.instances import STEP, Clock, Instance, SavedState, listed
-from orchestration.master.schedule import ExchangeStage, MemberCall, Schedule, Settings
+from orchestration.master.schedule import ExchangeStage, MemberCall, PlainStep, Schedule, Settings
 from orchestration.master.stepping import BufferedConnection, MemberStep, StepHistory
 from orchestration.system.model import Connection, Port
 
@@ -135,7 +135,8 @@ class Executor:
     def _moving(self, verb: str, member: Instance, ports: Sequence[Port]) -> list[MemberCall]:
         doing = ("setting " if verb == "Set" else "reading ") + listed(ports)
         buffer = self.inputs if verb == "Set" else self.outputs
-        return [MemberCall(call, member, doing) for call in bind(verb, member.fmu, ports, buffer)]
+        moved = transfers(verb, member.fmu, ports, buffer)
+        return [MemberCall(bind(transfer, member.fmu, buffer), member, doing, transfer) for transfer in moved]
 
     def _stage(self, ports: Sequence[Port]) -> ExchangeStage:
         connections = [self._connections[port] for port in ports if port in self._connections]
@@ -167,7 +168,9 @@ class Executor:
             reads = [port for port in self.structure.wanted[member.name] if port in early or port in used]
         slow = member.name in self.slow
         if held := [port for port in updated if port not in linear]:
-            calls.append(MemberCall(self._refresh(member, held), member, STEP))
+            stage = self._stage(held)
+            stage.calls.extend(self._moving("Set", member, held))
+            calls.append(MemberCall(self._refresh(stage), member, STEP, stage))
         if linear or parts > 1 or slow:
             to_new_value = [self._connections[port] for port in updated if port in linear]
             set_at_end = not settings.feedthrough or len(reads) > len(early)
@@ -181,13 +184,12 @@ class Executor:
                 schedule.extrapolating.append(step)
         else:
             plain_step = member.stepper(self.clock.now, self.clock.size, settings.adaptive)
-            calls.append(MemberCall(plain_step, member, STEP))
+            what = None if member.may_be_pending else PlainStep(final=not settings.adaptive)
+            calls.append(MemberCall(plain_step, member, STEP, what))
         schedule.steps.append((self.members.index(member), calls + self._moving("Get", member, reads)))
 
-    def _refresh(self, member: Instance, ports: Sequence[Port]) -> FmiCall:
+    def _refresh(self, stage: ExchangeStage) -> FmiCall:
         """Give a member, before its step, what others have delivered by theirs."""
-        stage = self._stage(ports)
-        stage.calls.extend(self._moving("Set", member, ports))
 
         def refresh() -> int:
             self.exchange([stage], self._point)
@@ -248,13 +250,18 @@ class Executor:
         schedule.count += 1
         then = perf_counter()
         for number, calls in schedule.steps:
-            for call, member, doing in calls:
+            for call, member, doing, _ in calls:
                 status = call()
                 if status:
                     member.check_status(status, doing, self.clock)
             now = perf_counter()
             seconds[number] += now - then
             then = now
+
+    def at(self, start: float, end: float, k: int) -> None:
+        """Be in a step from `start` to `end`, with the values from outside of point `k` in the inputs."""
+        self.clock.set(start, end)
+        self._point = k
 
     def read_early(self) -> None:
         """Read what needs no inputs, as after a step."""
@@ -274,18 +281,18 @@ class Executor:
             for target, source in copies:
                 value = outputs[source]
                 if value - value:  # not a number, or infinite
-                    self._not_finite(source)
+                    self.not_finite(source)
                 inputs[target] = value
             for target, source, factor, offset in scaled:
                 value = factor * outputs[source] + offset
                 if value - value:
-                    self._not_finite(source)
+                    self.not_finite(source)
                 inputs[target] = value
             for target, column in disturbances:
                 inputs[target] += column[k]
             for target, column in external:
                 inputs[target] = column[k]
-            for call, member, doing in calls:
+            for call, member, doing, _ in calls:
                 status = call()
                 if status:
                     member.check_status(status, doing, self.clock)
@@ -296,11 +303,12 @@ class Executor:
             step.update_slopes()
 
     def _carry_out(self, calls: Sequence[MemberCall]) -> None:
-        for call, member, doing in calls:
+        for call, member, doing, _ in calls:
             if status := call():
                 member.check_status(status, doing, self.clock)
 
-    def _not_finite(self, place: int) -> NoReturn:
+    def not_finite(self, place: int) -> NoReturn:
+        """Name an output that is no number; UserError."""
         port, value = list(self.outputs.at)[place], self.outputs.cells[place]
         raise UserError(f"{port.member}: its output {port.variable} is {value:g} at {self.clock.end:.10g} s")
 

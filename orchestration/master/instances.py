@@ -46,7 +46,7 @@ class Instance:
         self.can_restore = bool(can.canGetAndSetFMUstate)
         self.can_interpolate = bool(can.canInterpolateInputs)
         self.can_vary_step = bool(can.canHandleVariableCommunicationStepSize)
-        self._asynchronous = bool(can.canRunAsynchronuously)
+        self.may_be_pending = bool(can.canRunAsynchronuously)
 
     def dependencies(self, variable: str) -> list[str] | None:
         """Inputs on which an output depends at once; None if the FMU does not say."""
@@ -73,7 +73,7 @@ class Instance:
     def stepper(self, now: ctypes.c_double, size: ctypes.c_double, may_go_back: bool) -> FmiCall:
         """Bind the step to its beginning and its size; a step that is pending is waited for."""
         step = self.fmu.bound("fmi2DoStep", now, size, ctypes.c_int(not may_go_back))
-        if not self._asynchronous:
+        if not self.may_be_pending:
             return step
         status = ctypes.c_int()
         ask = self.fmu.bound("fmi2GetStatus", ctypes.c_int(fmi2DoStepStatus), ctypes.byref(status))

@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.fmu.kernel.library import stepper
 from orchestration.fmu.signal import read_signal
 from orchestration.master.dependency_graph import describe
 from orchestration.master.executor import Executor
 from orchestration.master.initialization import enter, initialize
 from orchestration.master.instances import Clock, SavedState
 from orchestration.master.interrupt import Interrupt, deferred
+from orchestration.master.kernel.run import KernelRun
 from orchestration.master.pacing import Pacer, RealTime
 from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
 from orchestration.master.schedule import Settings
@@ -178,6 +180,9 @@ class _Runner:
         exchange(schedule.stages, 0)
         write(cells)
         self._done = 1
+        if self._all_steps_alike() and stepper() is not None:
+            self._advance_in_kernel(interrupt)
+            return
         if self._real_time is not None:
             self._pacer = Pacer(self._real_time, points, interrupt)
             self._pacer.begin(self._values())
@@ -203,6 +208,31 @@ class _Runner:
                 pacer.keep(k, self._values())
             if interrupt.pressed:
                 break
+
+    def _all_steps_alike(self) -> bool:
+        """Whether nothing but steps and exchanges lies between the first point and the last."""
+        executor = self._executor
+        plain = not executor.slow and not executor.settings.extrapolation
+        return plain and self._doubling is None and self._real_time is None
+
+    def _advance_in_kernel(self, interrupt: Interrupt) -> None:
+        last, every = len(self._points) - 1, max(1, len(self._points) // 200)
+        with KernelRun(self._executor, self._points, every) as kernel:
+            for k in (*range(every, last, every), last):
+                while not self._carried_on(kernel, k + 1) and not interrupt.pressed:
+                    pass
+                if self._done > k and k % every == 0:
+                    self._progress(k)
+                if interrupt.pressed:
+                    break
+
+    def _carried_on(self, kernel: KernelRun, until: int) -> bool:
+        """Go on in the kernel, and take from it what was computed, however it ends."""
+        try:
+            return kernel.carry_on(until)
+        finally:
+            self._rows.write(kernel.taken().data)
+            self._done = kernel.done
 
     def _values(self) -> list[float]:
         """What is recorded, as it is now."""

@@ -7,18 +7,28 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
 
-from orchestration.master.buffers import FmiCall
+from orchestration.master.buffers import FmiCall, Transfer
 from orchestration.master.dependency_graph import Plan
 from orchestration.master.instances import Instance
 from orchestration.master.stepping import BufferedConnection, MemberStep
 
 
+class PlainStep(NamedTuple):
+    """A step that is one call; `final` if no state before it will be set again."""
+
+    final: bool
+
+
 class MemberCall(NamedTuple):
-    """A call to a member, and what to say of it if it fails."""
+    """A call to a member, what to say of it if it fails, and what it is, for who can do it without Python.
+
+    An `ExchangeStage` is that of the point at which the step begins; None is known to Python only.
+    """
 
     call: FmiCall
     member: Instance
     doing: str
+    what: Transfer | PlainStep | ExchangeStage | None = None
 
 
 class ExchangeStage(NamedTuple):

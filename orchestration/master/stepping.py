@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from orchestration.master.buffers import Buffer, bind
+from orchestration.master.buffers import Buffer, bind, transfers
 from orchestration.master.instances import STEP, Clock, Instance
 from orchestration.system.model import Port
 
@@ -77,7 +77,8 @@ class MemberStep:
         self._places = [self.inputs.at[port] for port in self.linear]
         index = {place: k for k, place in enumerate(self._places)}
         self._updated = [(index[connection.target], connection) for connection in self.updated]
-        self._set_linear = bind("Set", self.member.fmu, self.linear, self.inputs)
+        fmu, inputs = self.member.fmu, self.inputs
+        self._set_linear = [bind(moved, fmu, inputs) for moved in transfers("Set", fmu, self.linear, inputs)]
         self._derivatives = (ctypes.c_double * len(self.linear))()
         self._interpolates = self.member.can_interpolate and bool(self.linear)
         if self._interpolates:

@@ -17,6 +17,7 @@ from benchmarks import (
     coupling,
     diagnosing,
     importing,
+    kernel,
     machine,
     mapping,
     master,
@@ -57,6 +58,20 @@ def test_record() -> None:
     lengths = [int(n) for n in rows(growth)]
     assert lengths == sorted(lengths)
     assert all(spent > 0.0 for spent, _ in rows(growth).values())
+
+
+def test_kernel() -> None:
+    (table,) = kernel.measure(quick=True).tables
+    found = rows(table)
+    assert list(found) == [stepping.EMPTY, stepping.YARDSTICK, stepping.NATIVE]
+    assert all(figure > 0.0 for row in found.values() for figure in row)
+
+
+def test_kernel_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = kernel.bare_loop
+    monkeypatch.setattr(kernel, "bare_loop", lambda *arguments: lambda: 2.0 * plain(*arguments)())
+    with pytest.raises(RuntimeError, match="the kernel and the loops differ"):
+        kernel.measure(quick=True)
 
 
 def test_pacing() -> None:

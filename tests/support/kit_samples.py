@@ -198,3 +198,33 @@ class Sledge(Component):
     def force(self):
         """As measured."""
         return self.thrust()
+
+
+class Adder(Component):
+    """Inputs and outputs of every type."""
+
+    name = "adder"
+
+    level = Input("1", doc="what is summed up")
+    on = Input("1", type="boolean", doc="whether it counts twice")
+    count = Input("1", type="integer", doc="what is added")
+    more = Input("1", type="integer", doc="and what more is added")
+    total = State("1", rate="rate", output=True, doc="the sum")
+
+    def rate(self):
+        return self.level * (1.0 + self.on) + 0.01 * self.count + 0.03 * self.more
+
+    @Output("1", type="integer")
+    def lacking(self):
+        """What the count lacks of three."""
+        return 3 - self.count
+
+    @Output("1", type="integer")
+    def excess(self):
+        """How much more the count is."""
+        return self.count - 5 * self.more
+
+    @Output("1", type="boolean")
+    def off(self):
+        """Not on."""
+        return 1.0 - self.on

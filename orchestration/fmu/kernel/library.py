@@ -1,0 +1,72 @@
+"""The stepping kernel as a library: compiled once on a machine, as records are, and its structures in ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fmus.kit.build import toolchain
+from fmus.kit.build.library_cache import library
+from fmus.kit.errors import UserError
+
+# What an operation does, and why the kernel came back, as `kernel.c` has them.
+(STEP, SET_REAL, GET_REAL, SET_INTEGER, SET_BOOLEAN, GET_WHOLE, SET_SLOPES, PASS, SCALE, DRIVE, DISTURB, KEEP, CALL,
+ BEGIN, SPENT) = range(15)  # fmt: skip
+DONE, PAUSED, FAILED, NO_NUMBER, NOT_OF_TYPE, CALLING = range(6)
+_SOURCE = "kernel.c"
+
+
+class Link(ctypes.Structure):
+    """A value that is passed on."""
+
+    _fields_ = (
+        ("target", ctypes.c_void_p), ("source", ctypes.c_void_p), ("stride", ctypes.c_size_t),
+        ("factor", ctypes.c_double), ("offset", ctypes.c_double),
+    )  # fmt: skip
+
+
+class Operation(ctypes.Structure):
+    """One thing to do at every point."""
+
+    _fields_ = (
+        ("kind", ctypes.c_int), ("owner", ctypes.c_int), ("function", ctypes.c_void_p), ("component", ctypes.c_void_p),
+        ("references", ctypes.c_void_p), ("count", ctypes.c_size_t), ("values", ctypes.c_void_p),
+        ("stride", ctypes.c_size_t), ("ends", ctypes.c_void_p), ("integers", ctypes.c_void_p),
+        ("places", ctypes.c_void_p), ("links", ctypes.c_void_p),
+    )  # fmt: skip
+
+
+class Progress(ctypes.Structure):
+    """Where a run stands; ``run`` in `kernel.c`."""
+
+    _fields_ = (
+        ("program", ctypes.c_void_p), ("length", ctypes.c_size_t), ("point", ctypes.c_size_t),
+        ("position", ctypes.c_size_t), ("row", ctypes.c_size_t), ("status", ctypes.c_int), ("index", ctypes.c_int),
+        ("interrupted", ctypes.c_int), ("then", ctypes.c_double), ("seconds", ctypes.c_void_p),
+        ("warnings", ctypes.c_void_p),
+    )  # fmt: skip
+
+
+@functools.cache
+def stepper() -> Callable[[Any, int], int] | None:
+    """Compile the kernel, or take it from the cache.
+
+    Returns
+    -------
+    callable or None
+        Takes a reference to a `Progress` and the point to stop before, and returns why it came back. None if there is
+        no compiler, or what it makes cannot be kept or loaded: it can all be done without.
+    """
+    source = (Path(__file__).parent / _SOURCE).read_bytes()
+    try:
+        path = library({_SOURCE: source}, _SOURCE, toolchain.host_platform())
+        function: Any = ctypes.CDLL(str(path)).ppy_run
+    except (UserError, OSError):
+        return None
+    function.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
+    function.restype = ctypes.c_int
+    bound: Callable[[Any, int], int] = function
+    return bound

@@ -1,0 +1,125 @@
+"""One FMU along its course, stepped by the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+from orchestration.fmu.course import Course, Part
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.kernel import library
+from orchestration.fmu.kernel.program import WHOLE_NUMBERS, Execution, Handler, Program, Return, in_array
+from orchestration.fmu.signal import type_of
+
+Array = NDArray[np.float64]
+
+
+def stepped(fmu: Fmu, course: Course, outputs: Sequence[str], progress: Callable[[int], None], every: int) -> Array:
+    """Step a started instance along its course; as :func:`orchestration.fmu.stepping.stepped`, with the same bits."""
+    points = len(course.time)
+    result = np.empty((points, len(outputs)))
+    program = Program()
+    for part in course.parts:
+        _add_part(program, fmu, course, part)
+    before_first = len(program.operations)  # nothing leads to the first point
+    at_point = _Failures(fmu, course.time, course.inputs, course.table, at_point=True)
+    _add_setting(program, fmu, course.inputs, course.table, at_point.setting)
+    _add_moves(program, fmu, "Get", outputs, result, at_point.reading(outputs))
+    execution = Execution(program, skipped=before_first)
+    with execution:
+        try:
+            for k in range(0, points, every):
+                _carry_on(execution, k + 1)
+                progress(k)
+            _carry_on(execution, points)
+        finally:
+            fmu.warnings += int(execution.warnings[0])
+    columns = _reals_first(fmu, outputs)
+    return result if columns == sorted(columns) else result[:, np.argsort(columns)]
+
+
+def _carry_on(execution: Execution, until: int) -> None:
+    while not execution.carry_on(until):
+        pass  # an interrupt is heard here, in Python
+
+
+def _reals_first(fmu: Fmu, names: Sequence[str]) -> list[int]:
+    """Variables in the order of the kernel's tables: those that move in one call without a copy stand together."""
+    return sorted(range(len(names)), key=lambda k: type_of(fmu.variable(names[k])) != "real")
+
+
+def _add_part(program: Program, fmu: Fmu, course: Course, part: Part) -> None:
+    begins, ends = in_array(part.begins), in_array(part.ends)
+    if part.rows is not None:
+        failures = _Failures(fmu, part.begins, course.inputs, part.rows, at_point=False)
+        _add_setting(program, fmu, course.inputs, part.rows, failures.setting)
+    if part.slopes is not None:
+
+        def failed(why: Return) -> NoReturn:
+            raise fmu.failed(f"setting the slopes of {', '.join(course.linear)}", why.status)
+
+        references = [fmu.variable(name).valueReference for name in course.linear]
+        call = fmu.bound("fmi2SetRealInputDerivatives")
+        program.real(library.SET_SLOPES, call, references, in_array(part.slopes), failed)
+
+    def step_failed(why: Return) -> NoReturn:
+        raise fmu.failed(f"step from {part.begins[why.point]:g} s", why.status)
+
+    program.step(fmu.bound("fmi2DoStep"), begins, ends, step_failed)
+
+
+def _add_setting(program: Program, fmu: Fmu, names: Sequence[str], table: Array, handler: Handler) -> None:
+    columns = _reals_first(fmu, names)
+    ordered = table if columns == sorted(columns) else np.ascontiguousarray(table[:, columns])
+    program.hold(ordered)
+    _add_moves(program, fmu, "Set", names, ordered, handler)
+
+
+def _add_moves(program: Program, fmu: Fmu, verb: str, names: Sequence[str], table: Array, handler: Handler) -> None:
+    """Add one call for each type among variables, whose values are in the columns of a table, the reals first."""
+    columns = _reals_first(fmu, names)
+    kinds: dict[str, list[int]] = {}  # in the order in which they are called
+    for k, name in enumerate(names):
+        kinds.setdefault(type_of(fmu.variable(name)), []).append(k)
+    for kind, own in kinds.items():
+        call = fmu.bound(f"fmi2{verb}{kind.capitalize()}")
+        references = [fmu.variable(names[k]).valueReference for k in own]
+        if kind == "real":
+            what = library.SET_REAL if verb == "Set" else library.GET_REAL
+            program.real(what, call, references, in_array(table), handler)
+        else:
+            what = WHOLE_NUMBERS[kind] if verb == "Set" else library.GET_WHOLE
+            program.whole(what, call, references, in_array(table), [columns.index(k) for k in own], handler)
+
+
+class _Failures:
+    """Puts into words what fails where values are moved."""
+
+    def __init__(self, fmu: Fmu, time: Array, inputs: Sequence[str], table: Array, at_point: bool):
+        self._fmu, self._time, self._inputs, self._table, self._at_point = fmu, time, inputs, table, at_point
+
+    def setting(self, why: Return) -> None:
+        """Of inputs; a value that its type cannot hold is named by who sets them in Python."""
+        try:
+            if why.reason == library.NOT_OF_TYPE:
+                self._fmu.writer(self._inputs)(self._table[why.point])
+            raise self._fmu.failed(f"setting {', '.join(self._inputs)}", why.status)
+        except UserError as error:
+            self._raise(error, why)
+
+    def reading(self, outputs: Sequence[str]) -> Handler:
+        """Of these outputs."""
+
+        def failed(why: Return) -> None:
+            self._raise(self._fmu.failed(f"reading {', '.join(outputs)}", why.status), why)
+
+        return failed
+
+    def _raise(self, error: UserError, why: Return) -> NoReturn:
+        if not self._at_point:
+            raise error
+        raise UserError(f"{error} (at {self._time[why.point]:g} s)") from error

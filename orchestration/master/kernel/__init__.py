@@ -1,0 +1,1 @@
+"""A system stepped by the stepping kernel: its schedule as a program, and a run of that."""
