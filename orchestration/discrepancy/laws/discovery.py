@@ -29,8 +29,9 @@ _TOLD, _MAPPED = 6, 3  # curves that are fitted to the end: by their first fits,
 _PLAIN, _MUCH = 40, 1.5  # more signals as they are, where so many widths of noise are left
 _NEAR = 0.5  # of the fall of the best, which a correction that is told must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
-# of what the best gains, likewise: no curve, and no lag, is quite the plant's; and of the same law and signal
-_ABOUT, _OTHERWISE = 0.02, 0.05
+# of what the best gains, likewise: no curve, and no lag, is quite the plant's; to first order, and fitted
+_ABOUT, _FITTED = 0.02, 0.03
+_OTHERWISE = 0.1  # the same of a law of one signal, to which something is added or which is multiplied
 
 
 @dataclass(frozen=True)
@@ -215,9 +216,9 @@ def _as_good(found: LawMap, fitted: Sequence[FittedEntry], below: float) -> list
     best, most = fitted[0], below - fitted[0].criterion
 
     def behind(one: FittedEntry) -> float:
-        # what is added and what is multiplied have the same curve, on other knots
-        same = one.entry.what[:3] == best.entry.what[:3]
-        return max(_AS_GOOD, (_OTHERWISE if same else _ABOUT) * most)
+        # what is added to a law of one signal and what multiplies it are one function, on other knots
+        same = one.entry.what[:3] == best.entry.what[:3] and found.plausible.hangs_on_one_signal(one.entry.law)
+        return max(_AS_GOOD, (_OTHERWISE if same else _FITTED) * most)
 
     return sorted(
         (one for one in fitted if one.criterion <= best.criterion + behind(one)),

@@ -43,8 +43,12 @@ class Plausible:
         if entry.law in self._constants:
             return self._is_near(entry)
         # a law of one signal that is multiplied is one that is added to
-        several = entry.kind == "add" or len(self._laws.computed_from(entry.law)) > 1
+        several = entry.kind == "add" or not self.hangs_on_one_signal(entry.law)
         return several and self.reads(entry.law, entry.signal.name)
+
+    def hangs_on_one_signal(self, law: str) -> bool:
+        """Whether a law is computed from one input or state, or from none."""
+        return len(self._laws.computed_from(law)) <= 1
 
     def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, int, int]:
         """How far a correction is from what the model says, for an order: what is near it is the likelier one.
