@@ -63,7 +63,7 @@ def sweep(
     workers : int
         Processes.
     folder : str or Path, optional
-        Keeps what is done, so that the same call goes on after an interrupt.
+        Keeps what is done, so that the same call goes on after an interrupt; it stays.
     progress : callable
         Told how many cases are done, and of how many.
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,19 +82,24 @@ def _side_by_side(
     task: Task, cases: Array, parts: deque[list[int]], workers: int
 ) -> Generator[Numbered, None, list[int]]:
     """Let workers run parts until all are done or a worker ends; returns rows that were under way then."""
+    others = {*active_children()}
     pool = _pool(task, workers)
     running: dict[Future[list[Outcome]], list[int]] = {}
     try:
         while parts or running:
             while parts and len(running) < _AHEAD * workers:
-                part = parts.popleft()
-                running[pool.submit(_work, cases[part])] = part
+                running[pool.submit(_work, cases[parts[0]])] = parts[0]
+                parts.popleft()  # not before: a worker may have ended, and nothing more is taken then
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 found = future.result()
                 yield from zip(running.pop(future), found, strict=True)
     except BrokenProcessPool:
         return [row for part in running.values() for row in part]
+    except BaseException:  # an interrupt, or nobody wants more: workers are in the middle of something
+        for child in {*active_children()} - others:
+            child.terminate()
+        raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
     return []
@@ -109,8 +115,9 @@ def _alone(task: Task, values: Array) -> Outcome:
 
 
 def _open(task: Task) -> None:
-    """Open the FMU of a worker; it ends with it."""
+    """Open the FMU of a worker; it ends with it. An interrupt is the main process's to hear."""
     global _repeated
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _repeated = Repeated(task)
     _repeated.__enter__()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit import files
 from fmus.kit.errors import UserError
 from orchestration.sweeps.repeated import Outcome, Task, failed
 
@@ -47,16 +47,18 @@ class Journal:
                 mode: Any = "r+"
             else:
                 folder.mkdir(parents=True, exist_ok=True)
+                (folder / _FAILURES).unlink(missing_ok=True)
                 mode = "w+"
             self._done = _array(folder / _DONE, mode, (len(cases),), "u1")
             self.numbers = _array(folder / _NUMBERS, mode, (len(cases), *nothing.numbers.shape), "f8")
             self.traces = _array(folder / _TRACES, mode, (len(cases), *nothing.trace.shape), "f8")
-            (folder / _ABOUT).write_text(json.dumps(about), encoding="utf-8")
+            if mode == "w+":  # last: a folder without it is begun anew
+                files.write(folder / _ABOUT, json.dumps(about).encode())
+            self.failures = _failures(folder / _FAILURES)
         except OSError as error:
             raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
-        path = folder / _FAILURES
-        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-        self.failures: dict[int, str] = {int(row): reason for row, reason in map(json.loads, lines)}
+        except ValueError as error:
+            raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
     @property
     def left(self) -> list[int]:
@@ -74,10 +76,14 @@ class Journal:
                 file.write(json.dumps([row, outcome.failure]) + "\n")
         self._done[row] = 1
 
-    def remove(self) -> None:
-        """Remove the folder."""
-        del self._done, self.numbers, self.traces
-        shutil.rmtree(self.folder, ignore_errors=True)
+
+def _failures(path: Path) -> dict[int, str]:
+    """Why cases left nothing; a line that was not written to its end is of a case that is not done, and goes."""
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        files.write(path, whole.encode())
+    return {int(row): str(reason) for row, reason in map(json.loads, whole.splitlines())}
 
 
 def _array(path: Path, mode: Any, shape: tuple[int, ...], kind: str) -> Array:

@@ -36,7 +36,7 @@ def run(
     workers : int
         Processes; the numbers are the same, bit for bit, however many there are.
     folder : Path, optional
-        Where what is done is kept, to go on with after an interrupt; it is removed at the end.
+        Where what is done is kept, to go on with after an interrupt; it stays.
     progress : callable
         Told how many cases are done, and of how many.
 
@@ -59,7 +59,7 @@ def run(
             journal.write(row, outcome)
             progress(whole - len(left) + count, whole)
         found = dataset(model, task, cases, np.array(journal.numbers), np.array(journal.traces), journal.failures)
-        journal.remove()
+        del journal  # before its folder goes: Windows keeps what is open
     return found.assign_attrs(model=model.name, guid=guid)
 
 

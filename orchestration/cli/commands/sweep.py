@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,17 +64,20 @@ def sweep(
         {"the model": model_file(model)}, {"--out": out, "--plot": plot}, {"--out": _NETCDF, "--plot": pictures.FORMATS}
     ).check()
     opened = open_model(model, runtime, comma_list(effects))
-    given = {name: repr(value) for name, value in opened.settings(settings or [], preset).items()}
+    named, folder = _named(over), None if out is None else out.with_name(f"{out.name}.part")
+    # what is swept goes through its values whatever a preset has for it
+    usual = {name: value for name, value in opened.settings([], preset).items() if name not in named}
     with progress() as tell:
         tell(f"sweeping {opened.title}")
         data = work(
-            opened, _named(over), stop=stop, step=step, settings=given, kind=design, samples=samples, seed=seed,
-            outputs=comma_list(outputs), keep=comma_list(keep), workers=workers,
-            folder=None if out is None else out.with_name(f"{out.name}.part"), progress=tell.done,
+            opened, named, stop=stop, step=step, settings=usual | opened.settings(settings or []), kind=design,
+            samples=samples, seed=seed, outputs=comma_list(outputs), keep=comma_list(keep), workers=workers,
+            folder=folder, progress=tell.done,
         )  # fmt: skip
     _show(data)
-    if out is not None:
+    if out is not None and folder is not None:
         results.write(data, out)
+        shutil.rmtree(folder, ignore_errors=True)  # not before: what was computed is nowhere else
         wrote(out)
     if plot is not None:
         picture.draw(data, plot)

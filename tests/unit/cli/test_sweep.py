@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+import sys
 
 import numpy as np
 import pytest
 import xarray
 
+from fmus.kit.errors import UserError
+from orchestration.cli.app import main
+from orchestration.experiment import results
 from tests.support.command import on_terminal, ppy, works
 from tests.support.hosts import build_one_state_fmu
 
@@ -41,6 +45,40 @@ def test_interrupted_it_goes_on(folder):
     works(*call, cwd=folder)
     found = xarray.load_dataset(folder / "b.nc", engine="scipy")
     assert found["x_last"].values == pytest.approx(2.0 * (1.0 - np.exp(-5.0 / found["tau"].values)))
+
+
+def test_workers_are_silent_where_a_sweep_is_interrupted(folder):
+    call = [*CALL, "--over", "tau=0.5..2:4000", "--step", "0.01s", "--workers", "2", "--out", "d.nc"]
+    (folder / "scratch").mkdir(exist_ok=True)
+    code, _, told = on_terminal(*call, cwd=folder, interrupt_at=re.compile(r"[1-9]\d* of 4,000"))
+    assert code == 130
+    assert "Traceback" not in told
+
+
+def test_a_file_that_cannot_be_written_loses_nothing(folder, monkeypatch):
+    def full(data, path):
+        raise UserError(f"{path}: no space left on device")
+
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(results, "write", full)
+    monkeypatch.setattr(sys, "argv", ["ppy", *CALL, "--over", "tau=0.5..2:4", "--out", "e.nc"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert (folder / "e.nc.part").is_dir()
+    monkeypatch.undo()
+    works(*CALL, "--over", "tau=0.5..2:4", "--out", "e.nc", cwd=folder)
+    assert (folder / "e.nc").exists()
+
+
+def test_what_a_preset_sets_can_be_swept(tmp_path):
+    call = ("sweep", "ppy_actuator", "--preset", "five_layer", "--stop", "1s", "--step", "0.1s")
+    works(*call, "--over", "R1=1,2", "--set", "current=0.5", "--outputs", "voltage", "--out", "f.nc", cwd=tmp_path)
+    found = xarray.load_dataset(tmp_path / "f.nc", engine="scipy")["voltage_last"].values
+    for resistance, last in zip((1.0, 2.0), found, strict=True):
+        alone = ("simulate", *call[1:], "--set", f"R1={resistance}", "--set", "current=0.5", "--out", "g.nc")
+        works(*alone, cwd=tmp_path)
+        assert float(xarray.load_dataset(tmp_path / "g.nc", engine="scipy")["voltage"][-1]) == last
 
 
 @pytest.mark.parametrize(

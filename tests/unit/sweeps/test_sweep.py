@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import time
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from multiprocessing import active_children
 
@@ -13,6 +15,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
+from orchestration.sweeps import crew
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
 
 TIME = 0.1 * np.arange(51)
@@ -89,7 +92,9 @@ def test_what_was_done_is_not_done_again(lag, tmp_path):
     again = ppy.sweep(lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done))
     assert seen[8:] == list(range(7, 21)), "from the eighth case on"
     assert again.identical(ppy.sweep(lag, **call))
-    assert not (tmp_path / "part").exists()
+    seen.clear()
+    ppy.sweep(lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done))
+    assert seen == [20], "all of it stands there"
 
 
 @pytest.mark.parametrize(
@@ -126,6 +131,69 @@ def test_another_fmu_is_refused(lag, tmp_path):
     )
     with pytest.raises(UserError, match="the FMU differ"):
         ppy.sweep(replace(model), **call)
+
+
+@pytest.fixture
+def interrupted(lag, tmp_path):
+    """A sweep that was interrupted in its third case, and what goes on with it."""
+
+    def interrupt(done, whole):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    call = {"over": {"tau": "0.5..4:20"}, "inputs": {"u": 1.0}, "time": TIME, "folder": tmp_path / "part"}
+    with pytest.raises(KeyboardInterrupt):
+        ppy.sweep(lag, **call, progress=interrupt)
+    return call
+
+
+@pytest.mark.parametrize(
+    ("name", "contents"), [("sweep.json", b"{"), ("numbers.npy", b"none"), ("failures.jsonl", b"none\n")]
+)
+def test_a_damaged_folder_is_refused_in_a_line(lag, interrupted, name, contents):
+    (interrupted["folder"] / name).write_bytes(contents)
+    with pytest.raises(UserError, match=r"part: is damaged .*remove it") as refused:
+        ppy.sweep(lag, **interrupted)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_line_that_was_not_written_to_its_end_does_no_harm(lag, interrupted):
+    path = interrupted["folder"] / "failures.jsonl"
+    path.write_text('[0, "refused"]\n[7, "ref', encoding="utf-8")
+    told = ppy.sweep(lag, **interrupted)["failure"].values.tolist()
+    assert told == ["refused"] + 19 * [""]
+    assert path.read_text(encoding="utf-8") == '[0, "refused"]\n'
+
+
+def test_nothing_is_lost_where_a_worker_ends_before_it_is_told_anything(lag, monkeypatch):
+    """The pool then refuses what it is told next."""
+
+    class Ended:
+        def submit(self, *given):
+            raise BrokenProcessPool
+
+        def shutdown(self, **given):
+            pass
+
+    pools = iter([Ended()])
+    monkeypatch.setattr(crew, "_pool", lambda *given, known=crew._pool: next(pools, None) or known(*given))
+    over = {"tau": "0.5..4:20"}
+    found = ppy.sweep(lag, over, {"u": 1.0}, time=TIME, workers=2)
+    assert found.identical(ppy.sweep(lag, over, {"u": 1.0}, time=TIME))
+
+
+def test_workers_end_with_an_interrupt(lag):
+    def interrupt(done, whole):
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ppy.sweep(lag, {"tau": "0.5..4:4000"}, {"u": 1.0}, time=np.linspace(0.0, 5.0, 5001), workers=2,
+                  progress=interrupt)  # fmt: skip
+    until = time.monotonic() + 30.0
+    while active_children() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not active_children()
 
 
 def test_a_killed_worker_costs_nothing(lag):
