@@ -26,11 +26,12 @@ from orchestration.fmu.effects import catalogue, families
 
 Array = NDArray[np.float64]
 _TOLD, _MAPPED = 6, 3  # curves that are fitted to the end: by their first fits, and by the map
-_PLAIN, _MUCH = 40, 1.5  # more signals as they are, where so many widths of noise are left
+_PLAIN, _MUCH = 40, 1.5  # more signals as they are, likely or not where so many widths of noise are left
 _NEAR = 0.5  # of the fall of the best, which a correction that is told must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
 # of what the best gains, likewise: no curve, and no lag, is quite the plant's; to first order, and fitted
 _ABOUT, _FITTED = 0.02, 0.03
+_SIMPLE = 0.01  # of what a curve gains, by which a shape may be behind it: that much, it bends after the rest
 _OTHERWISE = 0.1  # the same of a law of one signal, to which something is added or which is multiplied
 
 
@@ -147,7 +148,9 @@ def discover(
     fitting, below = Fitting(search, base, found), base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
     fitted = _fitted(fitting, chosen, below)
     best = next(iter(fitted), None)
-    more = _second_look(best, found.widths(best.residual if best else base.fit.residual), chosen, telling)
+    far = found.widths(best.residual if best else base.fit.residual) > _MUCH
+    near = [e for e in telling if far or (best and not found.plausible.far_fetched(e)[0])]
+    more = _second_look(best, near, chosen, telling)
     if more:
         progress(f"fitting {len(more)} more")
         chosen = [*chosen, *more]
@@ -159,7 +162,7 @@ def discover(
     for one in [*as_good, *fitted[len(as_good) :]]:
         curved = one if corrections else fitting.bent(one)
         shapes = [] if corrections else fitting.shapes(curved)
-        shape, model = _nearest(shapes, curved) or ("", fitting.tabulated(curved))
+        shape, model = _nearest(shapes, curved, below) or ("", fitting.tabulated(curved))
         if model is None or any(one.entry.what == other.entry.what for other in corrections):
             continue
         gain = below - (model.fit.bic if shape else curved.criterion)
@@ -193,19 +196,24 @@ def _telling(fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
     return [one for one in ordered if below - one.criterion > max(_NEAR * (below - ordered[0].criterion), 0.0)]
 
 
-def _second_look(best: FittedEntry | None, left: float, done: Sequence[Entry], entries: Sequence[Entry]) -> list[Entry]:
-    """What does the same as the best to first order, signals as they are before what remembers.
+def _second_look(
+    best: FittedEntry | None, near: Sequence[Entry], done: Sequence[Entry], entries: Sequence[Entry]
+) -> list[Entry]:
+    """What does the same as the best to first order, signals as they are before what remembers; and those near the law.
 
-    Where many widths of noise are left, all signals as they are: so far from a record the first order tells little.
+    The first order tells little of what a fit gains: far from a record, all signals as they are are near enough.
     """
     tried = {e.what for e in done}
-    rest: dict[tuple[str, ...], Entry] = {}
-    for entry in entries:
-        if entry.what not in tried:
-            rest.setdefault(entry.what, entry)
-    ordered = sorted(rest.values(), key=lambda e: e.signal.memory != "")
-    like = [e for e in ordered if best and alike(e, best.entry)][:_TOLD]
-    plain = [e for e in ordered if not e.signal.memory][:_PLAIN] if left > _MUCH else []
+
+    def first(several: Sequence[Entry]) -> list[Entry]:
+        rest: dict[tuple[str, ...], Entry] = {}
+        for entry in several:
+            if entry.what not in tried:
+                rest.setdefault(entry.what, entry)
+        return sorted(rest.values(), key=lambda e: e.signal.memory != "")
+
+    like = [e for e in first(entries) if best and alike(e, best.entry)][:_TOLD]
+    plain = [e for e in first(near) if not e.signal.memory][:_PLAIN]
     return list({e.what: e for e in (*like, *plain)}.values())
 
 
@@ -256,9 +264,12 @@ def _nearer(entry: Entry, one: Entry, other: Entry) -> bool:
     return abs(float(entry.direction @ one.direction)) > abs(float(entry.direction @ other.direction))
 
 
-def _nearest(shapes: Sequence[tuple[str, FittedCandidate]], one: FittedEntry) -> tuple[str, FittedCandidate] | None:
-    """The best shape, if it is as good as the curve."""
-    return shapes[0] if shapes and shapes[0][1].fit.bic <= one.criterion + _AS_GOOD else None
+def _nearest(
+    shapes: Sequence[tuple[str, FittedCandidate]], one: FittedEntry, below: float
+) -> tuple[str, FittedCandidate] | None:
+    """The best shape, if it is about as good as the curve."""
+    behind = max(_AS_GOOD, _SIMPLE * (below - one.criterion))
+    return shapes[0] if shapes and shapes[0][1].fit.bic <= one.criterion + behind else None
 
 
 def _judged(one: Correction, base: FittedCandidate, validation: ValidationData) -> Correction:

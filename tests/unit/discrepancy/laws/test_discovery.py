@@ -6,10 +6,12 @@ The oracle is the plant: its hidden curve, and its parameters.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from orchestration.discrepancy.laws import discovery
 from orchestration.discrepancy.laws.base import search_of
 from orchestration.discrepancy.laws.discovery import discover
 from orchestration.discrepancy.laws.fit import CurveFit
@@ -156,9 +158,13 @@ def test_a_fit_begins_with_less_of_a_curve_where_the_map_is_far_off(drag):
     assert wrong.criterion == pytest.approx(right.criterion, abs=2.0)
 
 
-def test_where_the_best_of_the_map_leaves_much_every_signal_is_tried(drag, monkeypatch):
-    """The first order may be wrong: what it would not have fitted is found all the same."""
-    others = ("acceleration", "load", "", "add")
+@pytest.mark.parametrize(
+    ("others", "much"),
+    [(("acceleration", "load", "", "add"), discovery._MUCH), (("friction", "voltage", "", "multiply"), np.inf)],
+)
+def test_the_first_order_may_be_wrong(drag, monkeypatch, others, much):
+    """Where much is left all signals are tried as they are, and always those that stand beside a law."""
+    monkeypatch.setattr(discovery, "_MUCH", much)
     monkeypatch.setattr(
         LawMap, "entries", lambda self, known=LawMap.entries: [e for e in known(self) if not e.signal.memory]
     )
@@ -180,3 +186,14 @@ def test_shapes_are_told_in_the_order_of_their_criterion(drag):
     above = [criterion for _, criterion in best.shapes]
     assert above == sorted(above)
     assert best.shape in ("", best.shapes[0][0])
+
+
+@pytest.mark.parametrize(
+    ("gain", "behind", "told"),
+    [(100.0, 5.9, True), (100.0, 6.1, False), (2000.0, 19.0, True), (2000.0, 21.0, False), (2000.0, -3.0, True)],
+)
+def test_a_shape_is_told_where_it_is_about_as_good_as_the_curve(gain, behind, told):
+    """A curve of a thousand samples bends after everything; one per cent of what it gains buys a name."""
+    shape = SimpleNamespace(fit=SimpleNamespace(bic=-gain + behind))
+    found = discovery._nearest([("cubic", shape), ("linear", shape)], SimpleNamespace(criterion=-gain), 0.0)
+    assert found == (("cubic", shape) if told else None)
