@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from fmus.kit import Component
-from fmus.kit.errors import UserError
 from orchestration.api.records import matching_record
 from orchestration.api.simulation import as_model, values_of
 from orchestration.fmu.model import Model
-from orchestration.fmu.signal import numeric
-from orchestration.identify import comparison, grey_box
+from orchestration.identify import comparison
 from orchestration.identify.comparison import Comparison
 from orchestration.identify.grey_box import Fit
 from orchestration.records import Record
@@ -26,6 +22,7 @@ def compare(
     fit: Sequence[str] = (),
     settings: Mapping[str, float | str] | None = None,
     mapping: Mapping[str, str] | None = None,
+    workers: int = 1,
 ) -> Comparison:
     """Hold a model against a measured record: fit in percent, RMS error, whiteness of the residual.
 
@@ -36,11 +33,13 @@ def compare(
     model : Model, type[Component] or str
         A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
     fit : sequence of str
-        Parameters to recalibrate first; needs a model whose equations are known.
+        Parameters to recalibrate first.
     settings : Mapping of str to float or str, optional
         Values that replace defaults.
     mapping : Mapping of str to str, optional
         Column of a file to signal of the model.
+    workers : int
+        Processes that run an FMU without equations side by side in a fit.
 
     Returns
     -------
@@ -62,7 +61,7 @@ def compare(
     """
     subject = as_model(model)
     given = values_of(subject, settings)
-    return comparison.compare(subject, matching_record(record, subject, mapping), given, fit)
+    return comparison.compare(subject, matching_record(record, subject, mapping), given, fit, workers=workers)
 
 
 def fit(
@@ -72,21 +71,26 @@ def fit(
     *,
     settings: Mapping[str, float | str] | None = None,
     mapping: Mapping[str, str] | None = None,
+    workers: int = 1,
 ) -> Fit:
-    """Fit parameters so that the free-running simulation follows a record (output error, exact sensitivities).
+    """Fit parameters so that the free-running simulation follows a record (output error).
+
+    Derivatives are exact where the equations of the model are known, and differences of runs of its FMU elsewhere.
 
     Parameters
     ----------
     record : Record, str or Path
         From `read_record`, or a file.
     model : Model, type[Component] or str
-        Of which the equations are known.
+        A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
     names : sequence of str
-        Parameters to fit, start values of states included.
+        Parameters to fit; start values of states too where the equations are known.
     settings : Mapping of str to float or str, optional
         Values of others, and starting points of those to fit.
     mapping : Mapping of str to str, optional
         Column of a file to signal of the model.
+    workers : int
+        Processes that run an FMU without equations side by side in a fit.
 
     Returns
     -------
@@ -108,13 +112,7 @@ def fit(
     ['C', 'R1']
     """
     subject = as_model(model)
-    if subject.cls is None:
-        raise UserError(f"{subject.name} is an FMU without equations; name a component or file.py:Class")
-    given = numeric(values_of(subject, settings))
-    data = matching_record(record, subject, mapping)
-    n = data.time.size
-    constant = {name: np.full(n, value) for name, value in given.items() if name in subject.inputs}
-    inputs = constant | {name: values for name, values in data.signals.items() if name in subject.inputs}
+    given, data = values_of(subject, settings), matching_record(record, subject, mapping)
+    inputs = {name: values for name, values in data.signals.items() if name in subject.inputs}
     measured = {name: values for name, values in data.signals.items() if name in subject.outputs}
-    fixed = {name: value for name, value in given.items() if name in subject.parameters}
-    return grey_box.fit(subject.cls, data.time, inputs, measured, list(names), fixed)
+    return comparison.fit_model(subject, data.time, inputs, measured, list(names), given, workers)

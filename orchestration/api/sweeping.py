@@ -16,8 +16,8 @@ from orchestration.fmu.model import Model
 from orchestration.sweeps.design import design
 from orchestration.sweeps.ranges import read_range
 from orchestration.sweeps.reductions import checked
-from orchestration.sweeps.repeated import Task
 from orchestration.sweeps.run import run
+from orchestration.sweeps.task import Task
 
 if TYPE_CHECKING:
     import xarray

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value, numeric
 from orchestration.fmu.simulate import simulate
 from orchestration.identify import presentation
+from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.identify.grey_box import Fit, fit
 from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, fit_percent, rms, whiteness
 from orchestration.records import Record, read_record, read_runs
@@ -183,6 +183,7 @@ def compare(
     parameters: Mapping[str, Value] | None = None,
     names: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
+    workers: int = 1,
 ) -> Comparison:
     """Run the model's FMU over a record and assess every measured output; recalibrate if asked.
 
@@ -196,6 +197,8 @@ def compare(
         Parameters to fit.
     progress : callable
         Called with what is being done.
+    workers : int
+        Processes that run an FMU without equations side by side in a fit.
 
     Returns
     -------
@@ -204,40 +207,74 @@ def compare(
     Raises
     ------
     UserError
-        If the FMU fails, or a fit is asked of a model whose equations are not ours.
+        If the FMU fails, or a parameter cannot be fitted.
     """
     given = dict(parameters or {})
-    cls = _equations(model, names)
+    _check_names(model, names)
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {model.path.name} over {record.time.size} samples")
     before = _assess(model, record.time, inputs, measured, given)
-    if cls is None:
+    if not names:
         return Comparison(model, record, given, before, None, None)
-    constant = {name: np.full(record.time.size, value) for name, value in given.items() if name in model.inputs}
-    fixed = numeric({name: value for name, value in given.items() if name in model.parameters})
     progress(f"fitting {', '.join(names)}")
-    result = fit(cls, record.time, constant | inputs, measured, names, fixed)
+    result = fit_model(model, record.time, inputs, measured, names, given, workers)
     progress("simulating with the fitted parameters")
     return Comparison(
         model, record, given, before, result, _assess(model, record.time, inputs, measured, given | result.values)
     )
 
 
-def _equations(model: Model, names: Sequence[str]) -> type[Component] | None:
-    """Return the class to fit, None without names; refuse, before any work is done, what cannot be fitted."""
-    if not names:
-        return None
-    if model.cls is None:
-        raise UserError(
-            f"--fit needs the equations; {model.name} is an FMU without them (fit one of ours: see ppy list)"
-        )
+def fit_model(
+    model: Model,
+    time: Array,
+    inputs: Mapping[str, Array],
+    measured: Mapping[str, Array],
+    names: Sequence[str],
+    given: Mapping[str, Value],
+    workers: int = 1,
+) -> Fit:
+    """Fit a model's parameters: by its equations where they are known, else by running its FMU.
+
+    Parameters
+    ----------
+    model : Model
+    time : ndarray, shape (n,)
+        Seconds.
+    inputs, measured : Mapping of str to ndarray, shape (n,)
+        In the FMU's units.
+    names : sequence of str
+        Parameters to fit.
+    given : Mapping of str to float or str
+        Values of other parameters, and of inputs that stand still; starting points of those to fit.
+    workers : int
+        Processes that run an FMU without equations side by side.
+
+    Raises
+    ------
+    UserError
+        If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
+    """
+    fed = {name: np.full(time.size, value) for name, value in given.items() if name in model.inputs} | dict(inputs)
+    fixed = {name: value for name, value in given.items() if name in model.parameters}
+    if model.cls is not None:
+        return fit(model.cls, time, fed, measured, names, numeric(fixed))
+    others = {name: value for name, value in fixed.items() if name not in names}
+    with FmuWithDifferences(model, names, list(measured), others, workers) as fmu:
+        numbers = {name: value for name, value in fixed.items() if model.parameters[name].type != "string"}
+        found = fit(fmu, time, fed, measured, names, numeric(numbers))
+        return replace(found, evaluations=fmu.runs)
+
+
+def _check_names(model: Model, names: Sequence[str]) -> None:
+    """Refuse, before any work is done, what cannot be fitted."""
     for k, name in enumerate(names):
         if name not in model.parameters:
             raise UserError(f"--fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
+        if (kind := model.parameters[name].type) != "real":
+            raise UserError(f"--fit: {name} is {kind}; only real parameters can be fitted")
         if name in names[:k]:
             raise UserError(f"--fit: {name} is named twice in {','.join(names)}")
-    return model.cls
 
 
 def _assess(

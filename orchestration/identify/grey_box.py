@@ -1,8 +1,9 @@
-"""Grey-box identification: a component's parameters from a record, on the simulation error.
+"""Grey-box identification: a model's parameters from a record, on the simulation error.
 
 Output-error estimation (Ljung: System Identification, section 7.4): the model runs free over the record and the sum of
 squared differences is minimised, each output weighted by its own residual. Positive parameters are searched in their
-logarithm. The Jacobian is exact (forward sensitivities). Intervals allow for coloured residuals.
+logarithm. The Jacobian is exact (forward sensitivities), or by differences for an FMU without equations. Intervals
+allow for coloured residuals.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.units import Described, allowed, shown
 from orchestration.identify import prediction_error, presentation
@@ -25,7 +25,7 @@ from orchestration.identify.method import Method
 from orchestration.identify.noise.autoregression import autoregression
 from orchestration.identify.noise.model import Noise
 from orchestration.identify.prediction_error import FitResult
-from orchestration.identify.problem import Problem
+from orchestration.identify.problem import Problem, Subject
 from orchestration.reporting.plain import plain_text, preformatted
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ class Fit:
 
 
 def fit(
-    cls: type[Component],
+    cls: Subject,
     time: Array,
     inputs: Mapping[str, Array],
     measured: Mapping[str, Array],
@@ -101,7 +101,7 @@ def fit(
 
     Parameters
     ----------
-    cls : type[Component]
+    cls : type[Component] or FmuWithDifferences
     time : ndarray, shape (n,)
         Seconds.
     inputs, measured : Mapping[str, ndarray]

@@ -18,6 +18,7 @@ from scipy.stats import norm
 from fmus.kit import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import Trajectory
+from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.identify.delay import DelayedModel
 from orchestration.identify.least_squares import SearchEndedError
 from orchestration.identify.noise.autoregression import ORDER
@@ -26,6 +27,7 @@ from orchestration.records.input_steps import input_steps
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
 Array = NDArray[np.float64]
+Subject = type[Component] | FmuWithDifferences
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
 _EFFORT, _EFFORTS = 50.0, 3e5
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
@@ -59,11 +61,12 @@ class Scale:
 
 
 class ModelOverRuns:
-    """A compiled component that starts anew in every run, with the values that are that run's own.
+    """A model that starts anew in every run, with the values that are that run's own.
 
     Parameters
     ----------
-    cls : type[Component]
+    cls : type[Component] or FmuWithDifferences
+        A component is compiled; an FMU has its derivatives by these names.
     names : sequence of str
         Parameters with respect to which derivatives are wanted, those of single runs among them.
     linear : bool or collection of str
@@ -78,10 +81,10 @@ class ModelOverRuns:
         Names of the delays of measurements by output.
     """
 
-    def __init__(self, cls: type[Component], names: Sequence[str], linear: bool | Collection[str], runs: Sequence[Run]):
+    def __init__(self, cls: Subject, names: Sequence[str], linear: bool | Collection[str], runs: Sequence[Run]):
         self._names, self._runs = list(names), tuple(runs)
         self._plain = list(dict.fromkeys(map(base_name, names)))
-        self._model = DelayedModel(cls, self._plain, linear)
+        self._model = cls if isinstance(cls, FmuWithDifferences) else DelayedModel(cls, self._plain, linear)
         self.layout, self.delays = self._model.layout, self._model.delays
 
     def run(
@@ -140,11 +143,11 @@ class ModelOverRuns:
 
 
 class Problem:
-    """A component, a record, and the parameters to search; one simulation serves residuals and derivatives.
+    """A model, a record, and the parameters to search; one simulation serves residuals and derivatives.
 
     Parameters
     ----------
-    cls : type[Component]
+    cls : type[Component] or FmuWithDifferences
     time : ndarray, shape (n,)
         Seconds.
     inputs, measured : Mapping[str, ndarray]
@@ -194,7 +197,7 @@ class Problem:
     """
 
     def __init__(
-        self, cls: type[Component], time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
+        self, cls: Subject, time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
         names: Sequence[str], fixed: Mapping[str, float], linear: bool | Collection[str] = False,
         order: int = ORDER, runs: Sequence[Run] = (),
     ):  # fmt: skip

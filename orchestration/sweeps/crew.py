@@ -12,8 +12,7 @@ from multiprocessing import active_children, get_context
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.sweeps.repeated import Outcome, Repeated, Task, failed
+from orchestration.sweeps.task import Outcome, Repeated, Task, failed
 
 Array = NDArray[np.float64]
 Numbered = tuple[int, Outcome]
@@ -47,7 +46,9 @@ def outcomes(task: Task, cases: Array, which: Sequence[int], workers: int = 1) -
         If the FMU cannot be opened.
     """
     if workers == 1 or len(which) < 2:
-        yield from _here(task, cases, which)
+        with Repeated(task) as one:
+            for row in which:
+                yield row, one.run(cases[row])
         return
     with Repeated(task):  # what is wrong with the FMU is told here, in one line
         pass
@@ -57,20 +58,6 @@ def outcomes(task: Task, cases: Array, which: Sequence[int], workers: int = 1) -
         suspects = yield from _side_by_side(task, cases, parts, workers)
         for row in suspects:
             yield row, _alone(task, cases[row])
-
-
-def _here(task: Task, cases: Array, which: Sequence[int]) -> Iterator[Numbered]:
-    waiting = deque(which)
-    while waiting:
-        with Repeated(task) as one:
-            while waiting:
-                row = waiting.popleft()
-                try:
-                    outcome = one.run(cases[row])
-                except UserError as error:  # it must not be called again: the next case has another instance
-                    yield row, failed(task, str(error))
-                    break
-                yield row, outcome
 
 
 def _pool(task: Task, workers: int) -> ProcessPoolExecutor:
@@ -124,16 +111,5 @@ def _open(task: Task) -> None:
 
 def _work(cases: Array) -> list[Outcome]:
     """Run cases (k, p) in a worker."""
-    global _repeated
     assert _repeated is not None
-    found = []
-    for values in cases:
-        try:
-            found.append(_repeated.run(values))
-        except UserError as error:
-            found.append(failed(_repeated.task, str(error)))
-            task = _repeated.task
-            _repeated.__exit__(None, None, None)
-            _repeated = Repeated(task)
-            _repeated.__enter__()
-    return found
+    return [_repeated.run(values) for values in cases]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
-from orchestration.sweeps.repeated import Outcome, Task, failed
+from orchestration.sweeps.task import Outcome, Task, failed
 
 Array = NDArray[np.float64]
 _ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = "sweep.json", "done.npy", "numbers.npy", "traces.npy", "failures.jsonl"

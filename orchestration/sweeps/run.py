@@ -17,7 +17,7 @@ from orchestration.sweeps.crew import outcomes
 from orchestration.sweeps.design import Design
 from orchestration.sweeps.journal import Journal
 from orchestration.sweeps.reductions import TRACE
-from orchestration.sweeps.repeated import Task
+from orchestration.sweeps.task import Task
 
 Array = NDArray[np.float64]
 

@@ -255,11 +255,6 @@ def test_compare_refuses(folder, arguments, parts):
     refused(folder, "compare", "record.csv", "--out", "out.json", *arguments, parts=parts)
 
 
-def test_a_fit_of_an_fmu_without_equations(folder, fmu):
-    arguments = ["record.csv", "--model", fmu("ppy_actuator", "native"), "--fit", "R1", "--out", "out.json"]
-    refused(folder, "compare", *arguments, parts=["--fit needs the equations", "ppy_actuator.fmu"])
-
-
 def test_a_record_too_short_for_the_fit(folder):
     spoil(folder, lambda lines: [",".join(line.split(",")[:4]) for line in lines[:4]])
     arguments = ["record.csv", "--fit", "R1,R2,C", "--out", "out.json"]

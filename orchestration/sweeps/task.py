@@ -1,20 +1,17 @@
-"""One FMU run again and again: unpacked once, one instance, reset between the runs."""
+"""Cases of a sweep, one after the other: what each has in common, and what it leaves."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-from fmpy.fmi2 import fmi2Error, fmi2Warning
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.fmu.instance import Fmu
+from orchestration.fmu.repeated import RepeatedFmu
 from orchestration.fmu.signal import Value
-from orchestration.fmu.simulate import simulate_instance
 from orchestration.sweeps.reductions import TRACE, reduced
 
 Array = NDArray[np.float64]
@@ -91,10 +88,8 @@ class Repeated:
     """
 
     def __init__(self, task: Task):
-        self.task, self._fmu = task, Fmu(task.path)
-        self._fresh = self._can_reset = True
-        parameters = [n for n in task.names if n not in set(self._fmu.inputs)]
-        self._parameters: Sequence[str] = parameters
+        self.task, self._fmu = task, RepeatedFmu(task.path)
+        self._parameters = {*task.names} - {*self._fmu.inputs}
 
     def __enter__(self) -> Repeated:
         self._fmu.__enter__()
@@ -112,41 +107,12 @@ class Repeated:
         ----------
         values : ndarray, shape (p,)
             Of the task's names, in the FMU's units.
-
-        Raises
-        ------
-        UserError
-            If the FMU cannot be reset, or must not be called again.
         """
         task, given = self.task, dict(zip(self.task.names, values.tolist(), strict=True))
-        if not self._fresh:
-            self._begin_again()
-        self._fresh = False
+        settings = {**task.settings, **{n: v for n, v in given.items() if n in self._parameters}}
+        held = {n: np.full(len(task.time), v) for n, v in given.items() if n not in self._parameters}
         try:
-            course = self._course(given)
+            course = self._fmu.run(task.time, {**task.inputs, **held}, settings, task.outputs)
         except UserError as error:
-            if self._fmu.corrupted:
-                raise
             return failed(task, str(error))
         return Outcome(reduced(course, task.keep), course if TRACE in task.keep else course[:0])
-
-    def _begin_again(self) -> None:
-        """Bring the instance to where it was before it started; one that cannot go there is made anew."""
-        status = self._fmu.bound("fmi2Reset")() if self._can_reset else fmi2Error
-        if status <= fmi2Warning:
-            return
-        failure = self._fmu.failed("reset", status)
-        if self._fmu.corrupted:
-            raise failure
-        self._can_reset = False
-        self._fmu.close()
-        self._fmu.__enter__()
-
-    def _course(self, given: Mapping[str, float]) -> Array:
-        """Outputs (n, m)."""
-        task, fmu = self.task, self._fmu
-        fmu.parameters = {**task.settings, **{n: v for n, v in given.items() if n in self._parameters}}
-        fmu.start(float(task.time[0]))
-        held = {n: np.full(len(task.time), v) for n, v in given.items() if n not in self._parameters}
-        outputs = simulate_instance(fmu, task.time, {**task.inputs, **held}, task.outputs)
-        return np.column_stack([outputs[name] for name in task.outputs])

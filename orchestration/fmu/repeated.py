@@ -1,0 +1,96 @@
+"""One FMU run again and again: unpacked once, one instance, reset between the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from fmpy.fmi2 import fmi2Warning
+from numpy.typing import NDArray
+
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.signal import Value
+from orchestration.fmu.simulate import simulate_instance
+
+Array = NDArray[np.float64]
+
+
+class RepeatedFmu:
+    """An instance of an FMU; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        Of the FMU.
+
+    Raises
+    ------
+    UserError
+        If the FMU cannot be opened.
+    """
+
+    def __init__(self, path: Path):
+        self._fmu = Fmu(path)
+        self._fresh = self._can_reset = True
+
+    def __enter__(self) -> RepeatedFmu:
+        self._fmu.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._fmu.__exit__(kind, error, trace)
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+        return self._fmu.inputs
+
+    def run(
+        self, time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], outputs: Sequence[str]
+    ) -> Array:
+        """Run once from the start.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Communication points, s.
+        inputs : Mapping of str to ndarray, shape (n,)
+            In the FMU's units.
+        settings : Mapping of str to float or str
+            Start values, in the FMU's units.
+        outputs : sequence of str
+            Of which the course is wanted, m of them.
+
+        Returns
+        -------
+        ndarray, shape (n, m)
+
+        Raises
+        ------
+        UserError
+            If the FMU refuses or fails; the next run has a new instance if this one must not be called again.
+        """
+        self._begin_again()
+        self._fresh = False
+        self._fmu.parameters = dict(settings)
+        self._fmu.start(float(time[0]))
+        found = simulate_instance(self._fmu, time, inputs, outputs)
+        return np.column_stack([found[name] for name in outputs])
+
+    def _begin_again(self) -> None:
+        """Bring the instance to where it was before it started; one that cannot go there is made anew."""
+        if self._fresh:
+            return
+        if not self._fmu.corrupted and self._can_reset:
+            status = self._fmu.bound("fmi2Reset")()
+            if status <= fmi2Warning:
+                return
+            self._fmu.failed("reset", status)  # which remembers whether it may be called again
+            self._can_reset = False
+        self._fmu.close()
+        self._fmu = Fmu(self._fmu.path)
+        self._fmu.__enter__()
