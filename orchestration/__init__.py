@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from orchestration.api.black_box import black_box
     from orchestration.api.diagnosis import diagnose
     from orchestration.api.identification import compare, fit
     from orchestration.api.laws import laws
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from orchestration.system.model import System
 
 _HOME = {
+    "black_box": "orchestration.api.black_box",
     "build": "orchestration.api.models",
     "check": "orchestration.api.models",
     "compare": "orchestration.api.identification",
@@ -40,8 +42,8 @@ _HOME = {
     "System": "orchestration.system.model",
 }
 __all__ = [
-    "System", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run", "simulate",
-    "sweep",
+    "System", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run",
+    "simulate", "sweep",
 ]  # fmt: skip
 
 

@@ -31,6 +31,14 @@ _COMMANDS = {
         "Hold a model against a measured record: fit in percent, RMS error, whiteness; recalibrate with --fit.",
         "compare:compare",
     ),
+    "identify": (
+        "Identify parameters of a component or any FMU from a record: values, intervals, and a file to bind them.",
+        "identify:identify",
+    ),
+    "black-box": (
+        "Identify ARX, ARMAX, OE, state-space and Box-Jenkins models of one column of a record, and choose one.",
+        "black_box:black_box",
+    ),
     "diagnose": (
         "Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.",
         "diagnose:diagnose",

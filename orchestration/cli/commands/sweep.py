@@ -55,7 +55,6 @@ def sweep(
     """Run a component or any FMU over many values of its parameters."""
     from orchestration.api.sweeping import sweep as work
     from orchestration.cli.models import model_file, open_model
-    from orchestration.experiment import results
     from orchestration.reporting import pictures
     from orchestration.reporting.console import progress, wrote
     from orchestration.sweeps import picture
@@ -64,7 +63,7 @@ def sweep(
         {"the model": model_file(model)}, {"--out": out, "--plot": plot}, {"--out": _NETCDF, "--plot": pictures.FORMATS}
     ).check()
     opened = open_model(model, runtime, comma_list(effects))
-    named, folder = _named(over), None if out is None else out.with_name(f"{out.name}.part")
+    named, folder = _named(over), out and out.with_name(f"{out.name}.part")
     # what is swept goes through its values whatever a preset has for it
     usual = {name: value for name, value in opened.settings([], preset).items() if name not in named}
     with progress() as tell:
@@ -75,10 +74,8 @@ def sweep(
             folder=folder, progress=tell.done,
         )  # fmt: skip
     _show(data)
-    if out is not None and folder is not None:
-        results.write(data, out)
-        shutil.rmtree(folder, ignore_errors=True)  # not before: what was computed is nowhere else
-        wrote(out)
+    if out is not None:
+        _keep(data, out, folder)
     if plot is not None:
         picture.draw(data, plot)
         wrote(plot)
@@ -94,6 +91,17 @@ def _named(over: list[str]) -> dict[str, str]:
             raise UserError(f"--over names {name} twice")
         named[name] = values
     return named
+
+
+def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
+    """Write the result, and only then remove the parts that it was made of: they are nowhere else."""
+    from orchestration.experiment import results
+    from orchestration.reporting.console import wrote
+
+    results.write(data, out)
+    if parts is not None:
+        shutil.rmtree(parts, ignore_errors=True)
+    wrote(out)
 
 
 def _show(data: xarray.Dataset) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -118,7 +118,7 @@ class OrderSearch:
 def search_orders(
     estimation: InputOutputData, validation: InputOutputData, structures: Sequence[str] = STRUCTURES,
     path_orders: Sequence[int] = (1, 2, 3), noise_orders: Sequence[int] = (1, 2, 3), nk: Count = 1,
-    criterion: str = "BIC",
+    criterion: str = "BIC", progress: Callable[[int, int], None] = lambda done, whole: None,
 ) -> OrderSearch:  # fmt: skip
     """Identify every structure with every combination of orders, and compare the models.
 
@@ -137,6 +137,8 @@ def search_orders(
         Delays in samples.
     criterion : str
         AIC or BIC. AIC is what the thesis minimised; BIC does not prefer ever larger models as records grow.
+    progress : callable
+        Told how many models are done, and of how many.
 
     Returns
     -------
@@ -164,7 +166,8 @@ def search_orders(
         except UserError as error:
             left_out.append(f"{trial}: {error}")
     first = max((orders.first for _, orders in planned), default=0)
-    for trial, wanted in planned:
+    for done, (trial, wanted) in enumerate(planned):
+        progress(done, len(planned))
         try:
             rows.append(_row(estimation, validation, trial, wanted, first))
         except UserError as error:

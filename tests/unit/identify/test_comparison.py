@@ -3,6 +3,7 @@
 import html
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.linalg import expm
 from fmus.kit import UserError
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu import simulate
-from orchestration.fmu.model import Model, find_model
+from orchestration.fmu.model import find_model
 from orchestration.identify import comparison as comparing
 from orchestration.records import Record, write_record
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
@@ -176,9 +177,9 @@ def test_what_cannot_be_fitted_is_refused_before_anything_is_simulated(model, re
         comparing.compare(model, record, {}, ["R3"], told.append)
     with pytest.raises(UserError, match="R1 is named twice in R1,R1"):
         comparing.compare(model, record, {}, ["R1", "R1"], told.append)
-    bare = Model("some.fmu", model.path, None, model.inputs, model.outputs, model.parameters)
-    with pytest.raises(UserError, match=r"--fit needs the equations; some\.fmu is an FMU without them"):
-        comparing.compare(bare, record, {}, ["R1"], told.append)
+    count = {**model.parameters, "R1": replace(model.parameters["R1"], type="integer")}
+    with pytest.raises(UserError, match="R1 is integer; only real parameters can be fitted"):
+        comparing.compare(replace(model, parameters=count), record, {}, ["R1"], told.append)
     assert told == []
 
 

@@ -1,0 +1,109 @@
+"""Inputs and one output out of the columns of a file, at a fixed sample period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration.identify.black_box.data import InputOutputData, input_output_data
+from orchestration.records import read_record
+from orchestration.records.formats.registry import read_table
+from orchestration.records.table import Table, numbers
+
+_UNEVEN = 0.01  # of a sample period, by which samples may be off it
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of a file.
+
+    Attributes
+    ----------
+    path : Path
+    data : InputOutputData
+        In the units of the file.
+    units : dict of str to str
+        Of inputs and output; ``"1"`` where the file tells none.
+    notes : tuple of str
+        What was repaired.
+    """
+
+    path: Path
+    data: InputOutputData
+    units: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: float | None = None) -> Columns:
+    """Read what a black-box model is identified from.
+
+    Parameters
+    ----------
+    path : Path
+        CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or counts samples if a step is given.
+    output : str
+        A column.
+    inputs : sequence of str, optional
+        Columns; all but the first and the output unless given.
+    step : float, optional
+        Sample period in s, of a file that has no time.
+
+    Returns
+    -------
+    Columns
+
+    Raises
+    ------
+    UserError
+        If the file is refused, has no such column, or its samples are not equally spaced.
+    """
+    table = read_table(path)
+    chosen = list(inputs) or [name for name in table.names()[1:] if name != output]
+    for name in (output, *chosen):
+        if name not in table.names():
+            known = ", ".join(table.names())
+            raise UserError(f"{path}: no column {name!r}{suggestion(name, table.names())}; there are {known}")
+    if not chosen:
+        raise UserError(f"{path}: no column is left for an input beside {output} and the first one")
+    units = {c.name: c.unit or "1" for c in table.columns if c.name in (output, *chosen)}
+    if step is None:
+        time, values, notes = _recorded(path, units, chosen)
+        step = _period(path, time)
+    else:
+        values, notes = _counted(table, units), ()
+    stacked = np.column_stack([values[name] for name in chosen])
+    return Columns(path, input_output_data(stacked, values[output], step, chosen, output), units, notes)
+
+
+def _recorded(
+    path: Path, units: dict[str, str], inputs: Sequence[str]
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], tuple[str, ...]]:
+    try:
+        record = read_record(path, units, required=list(units), inputs=inputs)
+    except UserError as error:
+        if "no time column" in str(error):
+            raise UserError(f"{error}; or give the sample period, --step") from None
+        raise
+    return record.time, record.signals, tuple(repair.message for repair in record.repairs)
+
+
+def _counted(table: Table, units: dict[str, str]) -> dict[str, NDArray[np.float64]]:
+    return {c.name: numbers(table, c) for c in table.columns if c.name in units}
+
+
+def _period(path: Path, time: NDArray[np.float64]) -> float:
+    """The sample period of a clock that keeps one."""
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - period)))
+    if abs(steps[worst] - period) > _UNEVEN * period:
+        raise UserError(
+            f"{path}: samples are {period:g} s apart, but {steps[worst]:g} s after {time[worst]:g} s: a black-box "
+            "model needs equal steps; cut out an even stretch, or resample"
+        )
+    return float((time[-1] - time[0]) / (len(time) - 1))

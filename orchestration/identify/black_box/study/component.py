@@ -1,0 +1,97 @@
+"""An identified model as a component: a file of a few lines from which both builds of an FMU are made."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from fmus.kit import Component
+from orchestration.identify.black_box.models.linear import LinearModel
+
+_LENGTH = 118
+_TAKEN = ("name", "experiment", "time")  # of what stands in the class for something else
+
+
+def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) -> str:
+    """Write a class that runs freely as the model does, sample by sample.
+
+    Its states are those of a state-space form; what they are is arbitrary. The operating point is a parameter.
+
+    Parameters
+    ----------
+    model : LinearModel
+    name : str
+        Of the component.
+    units : Mapping of str to str
+        Of inputs and output.
+    doc : str
+        Of the class, one sentence.
+
+    Returns
+    -------
+    str
+        For ``ppy build FILE.py:Class``.
+    """
+    system = model.state_space()
+    a, b, c, d = (np.atleast_2d(np.asarray(m, dtype=float)) for m in (system.A, system.B, system.C, system.D))
+    states = [f"state_of_model_{i + 1}" for i in range(len(a))]
+    signals = (*model.input_names, model.output_name)
+    *inputs, output = identifiers(signals)
+    about = dict(zip(inputs, model.input_offsets.tolist(), strict=True))
+    unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
+    deviations = [f"(self.{u} - self.{u}_mean)" for u in inputs]
+    lines = [
+        f'"""{doc}"""', "", "from fmus.kit import Component, Discrete, Input, Output, Parameter", "", "",
+        f"class {class_name(name)}(Component):", f'    """{doc}"""', "",
+        f'    name = "{name}"', f"    experiment = ({100.0 * model.step!r}, {model.step!r})", "",
+    ]  # fmt: skip
+    for u in inputs:
+        lines.append(f'    {u} = Input("{unit[u]}", start={about[u]!r}, doc="input")')
+        lines.append(f'    {u}_mean = Parameter({about[u]!r}, "{unit[u]}", doc="operating point")')
+    lines.append(f'    {output}_mean = Parameter({model.output_offset!r}, "{unit[output]}", doc="operating point")')
+    for x in states:
+        lines.append(f'    {x} = Discrete("1", update="next_{x}", period={model.step!r}, doc="state of the model")')
+    lines += [
+        "",
+        f'    @Output("{unit[output]}")',
+        f"    def {output}(self):",
+        '        """What the model foretells."""',
+    ]
+    lines += _returned([f"self.{output}_mean"], [f"self.{x}" for x in states] + deviations, [*c[0], *d[0]])
+    for x, row, drive in zip(states, a, b, strict=True):
+        lines += ["", f"    def next_{x}(self):", '        """State of the model a sample later."""']
+        lines += _returned([], [f"self.{x}" for x in states] + deviations, [*row, *drive])
+    return "\n".join(lines) + "\n"
+
+
+def identifiers(names: tuple[str, ...]) -> list[str]:
+    """Names of columns as Python has names, all different."""
+    made: list[str] = []
+    for name in names:
+        plain = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "signal"
+        plain = f"signal_{plain}" if plain[0].isdigit() or keyword.iskeyword(plain) else plain
+        while plain in made or hasattr(Component, plain) or plain in _TAKEN:
+            plain += "_"
+        made.append(plain)
+    return made
+
+
+def class_name(name: str) -> str:
+    """``two_layer_wall`` as ``TwoLayerWall``."""
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def _returned(terms: list[str], factors: list[str], amounts: list[float]) -> list[str]:
+    """Lines that return a sum; without what is multiplied by nothing."""
+    terms = terms + [f"{float(k)!r} * {factor}" for factor, k in zip(factors, amounts, strict=True) if k != 0.0]
+    lines, line = [], "        return ("
+    for i, term in enumerate(terms or ["0.0"]):
+        piece = f" + {term}" if i else term
+        if len(line) + len(piece) > _LENGTH:
+            lines.append(line)
+            line = "           "
+        line += piece
+    return [*lines, line + ")"]
