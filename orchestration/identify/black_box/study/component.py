@@ -33,7 +33,7 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
     Returns
     -------
     str
-        For ``ppy build FILE.py:Class``.
+        For ``ppy build file.py:Class``.
     """
     system = model.state_space()
     a, b, c, d = (np.atleast_2d(np.asarray(m, dtype=float)) for m in (system.A, system.B, system.C, system.D))

@@ -118,12 +118,12 @@ class BlackBox:
         return page.write(self, Path(path))
 
     def export(self, path: str | Path, name: str = "") -> Path:
-        """Write the chosen model as a class, of which ``ppy build FILE.py:Class`` makes FMUs.
+        """Write the chosen model as a class, of which ``ppy build file.py:Class`` makes FMUs.
 
         Parameters
         ----------
         path : str or Path
-            ``FILE.py``; the model is called after it unless named.
+            ``file.py``; the model is called after it unless named.
         name : str
 
         Raises
