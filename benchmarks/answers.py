@@ -12,7 +12,7 @@ from tests.support.clean.records import CleanRecord
 from tests.support.hidden.records import HiddenCase
 
 if TYPE_CHECKING:
-    from orchestration.api.diagnosis import DiagnosisResult
+    from orchestration.api.diagnosed import DiagnosisResult
 
 Row = dict[str, Any]
 LEAST = 1.3  # noise widths that must be left of a hidden effect

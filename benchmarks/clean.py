@@ -29,7 +29,7 @@ from tests.support.clean.records import KINDS, Case, CleanRecord, cases, draw
 from tests.support.clean.stimuli import SMOOTH
 
 if TYPE_CHECKING:
-    from orchestration.api.diagnosis import DiagnosisResult
+    from orchestration.api.diagnosed import DiagnosisResult
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "clean-records.md"

@@ -1,226 +1,25 @@
-"""Diagnosis from Python: ``ppy.diagnose`` and what it returns."""
+"""Diagnosis from Python: ``ppy.diagnose``."""
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fmus.kit import Component
-from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
+from fmus.kit.sensors import MEASUREMENTS
 from orchestration.api.command import diagnosing
-from orchestration.api.proposal import ProposedExperiment
+from orchestration.api.diagnosed import DiagnosisResult
 from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.simulation import values_of
 from orchestration.discrepancy import before_after, pipeline
-from orchestration.discrepancy.changes import Change
-from orchestration.discrepancy.diagnosis import Verdict
-from orchestration.discrepancy.extended_model import export
+from orchestration.discrepancy.foreign.surrounding import surround
 from orchestration.discrepancy.note import UnusableRecordError
-from orchestration.discrepancy.report import picture, terminal, wording
-from orchestration.discrepancy.report.laws.asked import Asked
-from orchestration.discrepancy.report.laws.headline import headline
-from orchestration.discrepancy.report.laws.summary import law_map
-from orchestration.discrepancy.report.page import page
-from orchestration.discrepancy.report.summary import summary
+from orchestration.discrepancy.report import wording
 from orchestration.fmu.model import Model, find_model
 from orchestration.fmu.signal import numeric
-from orchestration.identify.estimate import Estimate
 from orchestration.records import Record
-from orchestration.reporting.page import path_of_report
-from orchestration.reporting.plain import plain_text, preformatted
 from orchestration.rig import DRIVEN, HIGHEST, LIMITS
-
-if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure
-    from rich.console import RenderableType
-
-
-class Gain(NamedTuple):
-    """Normalised RMS error on data that no fit has seen, by output: of the refitted model, and of the extended one."""
-
-    before: dict[str, float]
-    after: dict[str, float]
-
-
-class DiagnosisResult:
-    """What a model gets wrong on a record, and what follows from it.
-
-    Parameters
-    ----------
-    result : pipeline.Result
-    changes : list of Change, optional
-    later : pipeline.Result, optional
-        Diagnosis of the later record, in which they were found.
-    command : sequence of str
-        Words of a command that makes the same diagnosis.
-
-    Attributes
-    ----------
-    verdict : str
-        ``consistent``, ``recalibrate``, ``cause``, ``ambiguous`` or ``unexplained``.
-    sentence : str
-        The verdict in words, with what must be known to read it.
-    causes, alternatives : list of str
-        Effects that were named, and those that this record cannot tell from them.
-    parameters : dict of str to Estimate
-        By name: ``value``, ``interval`` (95 %), ``nominal``, ``unit``; SI.
-    changed : list of str
-        Parameters that differ significantly from nominal.
-    gain : Gain
-        Errors on data that no fit has seen.
-    model : type[Component] or None
-        The extended model, with fitted values as defaults; None where nothing could be said.
-    experiment : ProposedExperiment or None
-        Where the verdict is ambiguous.
-    record : Record
-        The first of the records.
-    records : list of Record
-        All that the model was fitted to.
-    notes : list of str
-        What could not be judged, and why.
-    changes : list of Change or None
-        What changed in a later record, where one was given.
-    later : DiagnosisResult or None
-        What the model gets wrong on that record.
-    law_map : list of dict
-        What the laws lack, the best first, as in `LawsResult`; empty where nothing is left, or they were not asked.
-    """
-
-    def __init__(
-        self, result: pipeline.Result, changes: Sequence[Change] | None = None, later: pipeline.Result | None = None,
-        command: Sequence[str] = (),
-    ):  # fmt: skip
-        self._result, self._command = result, shlex.join(command)
-        self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
-        self.changes: list[Change] | None = None if changes is None else list(changes)
-        diagnosis = result.diagnosis
-        errors = result.gain or diagnosis
-        steps = diagnosis.selection.steps
-        self.verdict: Verdict = diagnosis.verdict
-        self.sentence: str = headline(result)
-        self.causes: list[str] = diagnosis.causes
-        self.alternatives: list[str] = [e.effect_name for step in steps for e in step.alternatives]
-        self.parameters: dict[str, Estimate] = diagnosis.estimates
-        self.changed: list[str] = diagnosis.changed
-        self.gain = Gain(errors.before, errors.after)
-        self.model: type[Component] | None = result.component
-        self.experiment = ProposedExperiment(result.experiment, result.model.name) if result.experiment else None
-        self.record: Record = result.record
-        self.records: list[Record] = list(result.records)
-        self.notes: list[str] = [wording.message(note) for note in result.notes]
-        self.law_map: list[dict[str, Any]] = law_map(Asked(result, result.laws))
-
-    @property
-    def details(self) -> pipeline.Result:
-        """Everything that the diagnosis rests on."""
-        return self._result
-
-    def __str__(self) -> str:
-        return "\n".join(plain_text(part) for part in self.overview())
-
-    def overview(self) -> list[RenderableType]:
-        """What ``ppy diagnose`` prints."""
-        parts: list[RenderableType] = [terminal.overview(self._result)]
-        if self.changes is not None and self.later is not None:
-            parts.append(terminal.comparison(self.changes, self.later.details))
-        return parts
-
-    def __repr__(self) -> str:
-        causes = f" {', '.join(self.causes)}" if self.causes else ""
-        return f"<DiagnosisResult {self.verdict}{causes}: {self._result.model.name}, {self._result.files}>"
-
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
-        figures = summary(self._result)
-        if self.changes is not None and self.later is not None:
-            figures |= {"comparison": [change.to_dict() for change in self.changes], "later": self.later.to_dict()}
-        return figures
-
-    def to_frame(self) -> pandas.DataFrame:
-        """Return the parameters as a table, a row for each.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        import pandas
-
-        rows = {
-            name: {"value": e.value, "low": e.interval[0], "high": e.interval[1], "nominal": e.nominal, "unit": e.unit}
-            for name, e in self.parameters.items()
-        }
-        return pandas.DataFrame.from_dict(rows, orient="index")
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the output that gained most over the validation data: measured, refitted, extended, and residuals.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
-        return picture.draw(self._result.diagnosis, self._result.model, None if path is None else Path(path))
-
-    def report(self, path: str | Path, command: str = "") -> Path:
-        """Write the page to look at and pass on.
-
-        Parameters
-        ----------
-        path : str or Path
-            An ``.html`` file.
-        command : str
-            What made it, for the page; unless given, a command that makes the same diagnosis.
-
-        Raises
-        ------
-        UserError
-            If it cannot be written, or its name does not end in ``.html``.
-        """
-        target = path_of_report(path)
-        later = self.later.details if self.later else None
-        page(self._result, command or self._command, self.changes or (), later).write(target)
-        return target
-
-    def fmu(
-        self,
-        path: str | Path,
-        platforms: Sequence[str] | None = None,
-        progress: Callable[[str], None] = lambda text: None,
-    ) -> list[Path]:
-        """Write the extended model as an FMU: the native build to the path, the Python build beside it.
-
-        Parameters
-        ----------
-        path : str or Path
-            ``F.fmu``; the Python build goes to ``F.python.fmu``.
-        platforms : sequence of str, optional
-            FMI platforms; default this machine's.
-        progress : callable
-            Told what is being done.
-
-        Raises
-        ------
-        UserError
-            If nothing could be said of the model, or an FMU cannot be built or written.
-        """
-        if self.model is None:
-            raise UserError(f"{path}: nothing could be said of the model, so there is nothing to make an FMU of")
-        kept = [record.source for record in (*self._result.records, *self._result.holdouts)]
-        return export(self.model, Path(path), kept, platforms or [host_platform()], progress)
 
 
 def diagnose(
@@ -238,6 +37,7 @@ def diagnose(
     interpolate: bool | None = None,
     time: float | None = None,
     laws: bool = True,
+    fit: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> DiagnosisResult:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen.
@@ -249,7 +49,7 @@ def diagnose(
     record : Record, str or Path, or sequence of these
         From `read_record`, or a file. A file whose clock restarts holds several records, numbered from 1.
     model : Model or str
-        A component, ``path/to/file.py:Class``, or what `find_model` returned.
+        A component, ``path/to/file.py:Class``, any FMU, or what `find_model` returned.
     holdout : Record, str or Path, or sequence of these, optional
         Other records to judge by, or some of those given by their labels, such as ``"7,8,9"``. Without it the last
         third of the record is held out, or the last third of several records.
@@ -278,6 +78,9 @@ def diagnose(
     laws : bool
         Whether, where something is left that neither parameters nor effects account for, every law is asked what it
         lacks (`laws`). What unseen data confirm of it is a cause.
+    fit : sequence of str
+        Parameters of an FMU without equations, which is diagnosed from outside: effects of measurement on its outputs,
+        and corrections of these by any of its signals.
     progress : callable
         Told what is being done.
 
@@ -301,22 +104,31 @@ def diagnose(
     >>> low, high = result.parameters["R1"].interval
     """
     subject = find_model(model) if isinstance(model, str) else model
-    rig = subject.name == DRIVEN
+    rig, given = subject.name == DRIVEN, values_of(subject, settings)
+    measured, judged = held_out(record, holdout, subject, mapping, runs)
+    named, around = model if isinstance(model, str) else subject.name, None
+    if subject.cls is None:
+        if compare is not None:
+            raise UserError(f"compare: {subject.name} is an FMU without equations; diagnose each record by itself")
+        around = surround(subject, measured, judged, given, fit, progress)
+        subject, measured, judged, given = around.model, around.records, around.holdouts, {}
+        effects = [*MEASUREMENTS] if effects is None else effects
+    elif fit:
+        raise UserError(f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves some out")
     options = pipeline.Options(
-        given=numeric(values_of(subject, settings)), effects=effects, hold=hold, each=each, interpolate=interpolate,
+        given=numeric(given), effects=effects, hold=hold, each=each, interpolate=interpolate,
         limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"), time=time,
         laws=laws,
     )  # fmt: skip
-    measured, judged = held_out(record, holdout, subject, mapping, runs)
     later = None if compare is None else matching_record(compare, subject, mapping)
     try:
         result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         raise unusable(measured, error) from error
-    named = model if isinstance(model, str) else subject.name
     command = diagnosing(measured, named, judged, later, options, settings, mapping, runs)
+    command += ["--fit", ",".join(fit)] if fit else []
     if later is None:
-        return DiagnosisResult(result, command=command)
+        return DiagnosisResult(result, command=command, around=around)
     try:
         compared = before_after.compare(result, later, options, progress)
     except UnusableRecordError as error:

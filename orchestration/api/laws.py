@@ -11,7 +11,8 @@ from fmus.kit import Component, stack
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from orchestration.api.command import diagnosing
-from orchestration.api.diagnosis import DiagnosisResult, unusable
+from orchestration.api.diagnosed import DiagnosisResult
+from orchestration.api.diagnosis import unusable
 from orchestration.api.records import Records, held_out
 from orchestration.api.simulation import values_of
 from orchestration.discrepancy import pipeline

@@ -14,7 +14,8 @@ from fmus import COMPONENTS, component
 from fmus.kit import files
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
-from orchestration.api.diagnosis import DiagnosisResult, diagnose
+from orchestration.api.diagnosed import DiagnosisResult
+from orchestration.api.diagnosis import diagnose
 from orchestration.cli import demo_report
 from orchestration.cli.commands import compare as screen_compare
 from orchestration.cli.demo_report import ThesisRun

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fmus.kit import units
 from fmus.kit.units import shown, shown_difference
-from orchestration.api.diagnosis import DiagnosisResult
+from orchestration.api.diagnosed import DiagnosisResult
 from orchestration.identify.comparison import Comparison, GoodnessOfFit
 from orchestration.reporting.page import Markup, Page
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fmus.kit.errors import UserError
-from orchestration.api.diagnosis import DiagnosisResult, diagnose
+from orchestration.api.diagnosed import DiagnosisResult
+from orchestration.api.diagnosis import diagnose
 from orchestration.api.records import held_out
 from orchestration.cli.models import model_file, note_neutral, open_model
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
@@ -36,6 +37,8 @@ class Files:
         A later record, of which it is told what changed.
     effect : Path, optional
         File of Python to write.
+    ssp : Path, optional
+        System to write: an FMU without equations, and its correction.
     """
 
     records: Sequence[Path]
@@ -47,6 +50,7 @@ class Files:
     platforms: Sequence[str] | None = None
     compare: Path | None = None
     effect: Path | None = None
+    ssp: Path | None = None
 
     def check(self, sources: Sequence[Path] = ()) -> None:
         """Refuse, before any work is done, names under which nothing can be written or something would be lost.
@@ -67,11 +71,17 @@ class Files:
         read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
         written = {
             "--json": self.result, "--report": self.report, "--experiment": self.experiment,
-            "--effect-out": self.effect,
+            "--effect-out": self.effect, "--ssp": self.ssp,
         }  # fmt: skip
         if self.fmu is not None:
             written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, ()).items()}
-        endings = {"--json": JSON, "--report": PAGE, "--experiment": (".toml",), "--effect-out": (".py",)}
+        endings = {
+            "--json": JSON,
+            "--report": PAGE,
+            "--experiment": (".toml",),
+            "--effect-out": (".py",),
+            "--ssp": (".ssp",),
+        }
         Outputs(read, written, endings).check()
         if self.compare is not None and any(same_file(record, self.compare) for record in self.records):
             raise UserError(f"--compare {self.compare}: this is the record itself; nothing in it can have changed")
@@ -88,6 +98,7 @@ def run(
     files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
     command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
     time: float | None = None, runs: str | None = None, each: Sequence[str] = (), laws: bool = True,
+    fit: Sequence[str] = (),
 ) -> DiagnosisResult:  # fmt: skip
     """Do ``ppy diagnose``; the command is repeated in the report.
 
@@ -114,6 +125,8 @@ def run(
         Parameters that differ from record to record.
     laws : bool
         Whether laws are asked what they lack where something is left.
+    fit : sequence of str
+        Parameters of an FMU without equations.
 
     Raises
     ------
@@ -125,7 +138,7 @@ def run(
         result = diagnose(
             read.records, read.model, holdout=read.holdouts or None, compare=files.compare, each=each,
             effects=considered, hold=hold, settings=read.settings, interpolate=interpolate, time=time,
-            mapping=read.mapping, laws=laws, progress=tell,
+            mapping=read.mapping, laws=laws, fit=fit, progress=tell,
         )  # fmt: skip
     out.print(*result.overview(), sep="\n")
     write_json(files.result, result.to_dict())
@@ -221,4 +234,7 @@ def _writers(result: DiagnosisResult, files: Files, command: str, tell: Callable
             return []
         return [result.experiment.to_toml(path)]
 
-    return [(report, files.report), (fmu, files.fmu), (experiment, files.experiment)]
+    def system(path: Path) -> list[Path]:
+        return [result.system(path)]
+
+    return [(report, files.report), (fmu, files.fmu), (experiment, files.experiment), (system, files.ssp)]

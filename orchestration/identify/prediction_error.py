@@ -241,7 +241,7 @@ def _is_curved(observed: Array, expected: Array) -> bool:
 
 def _prior(problem: Problem, physical: NDArray[np.bool_] | None, prior_std: float) -> _Prior:
     mean = problem.position(problem.start)
-    held = np.isfinite(mean) & (False if physical is None else physical)
+    held = np.isfinite(mean) & (False if physical is None else physical.astype(bool))
     return _Prior(mean, np.where(held, prior_std**-2, 0.0))
 
 

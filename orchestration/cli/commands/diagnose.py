@@ -29,7 +29,7 @@ Model = Annotated[
     option(
         "--model",
         metavar="MODEL",
-        help="A component (see ppy list), path/to/file.py:Class, or an FMU built from these; default ppy_actuator.",
+        help="A component (see ppy list), path/to/file.py:Class, or any FMU; default ppy_actuator.",
         autocompletion=complete_components,
     ),
 ]
@@ -94,6 +94,12 @@ Report = Annotated[Path | None, option("--report", help="Page (.html) with all o
 Fmu = Annotated[
     Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
 ]
+Fit = Annotated[
+    str | None, option("--fit", help="Parameters of an FMU without equations that are fitted too, e.g. p1,p2.")
+]
+Ssp = Annotated[
+    Path | None, option("--ssp", metavar="S.ssp", help="An FMU without equations with its correction, as a system.")
+]
 Experiment = Annotated[
     Path | None, option("--experiment", help="Experiment (.toml) that would tell alternatives apart, for ppy run.")
 ]
@@ -112,6 +118,7 @@ def diagnose(
     effects: Effects = None,
     interpolate: Interpolate = None,
     hold: Hold = None,
+    fit: Fit = None,
     runs: Runs = None,
     each: Each = None,
     compare: Compare = None,
@@ -121,6 +128,7 @@ def diagnose(
     result: Json = None,
     report: Report = None,
     fmu: Fmu = None,
+    ssp: Ssp = None,
     platforms: Platforms = None,
     experiment: Experiment = None,
     system: System = None,
@@ -135,6 +143,8 @@ def diagnose(
             "--effects": effects,
             "--interpolate": interpolate,
             "--hold": hold,
+            "--fit": fit,
+            "--ssp": ssp,
             "--runs": runs,
             "--each": each,
             "--compare": compare,
@@ -152,11 +162,14 @@ def diagnose(
         return
     from orchestration.cli import diagnose as one_model
 
-    files = one_model.Files(records, holdout or (), result, report, fmu, experiment, platform_list(platforms), compare)
+    files = one_model.Files(
+        records, holdout or (), result, report, fmu, experiment, platform_list(platforms), compare, ssp=ssp
+    )
     named = comma_list(effects)
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
             comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each), not no_laws,
+            comma_list(fit),
         )  # fmt: skip

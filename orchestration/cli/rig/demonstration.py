@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from fmus import component
 from fmus.kit.errors import UserError
-from orchestration.api.diagnosis import DiagnosisResult, diagnose
+from orchestration.api.diagnosed import DiagnosisResult
+from orchestration.api.diagnosis import diagnose
 from orchestration.cli.rig import demonstration_page
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu.model import find_model

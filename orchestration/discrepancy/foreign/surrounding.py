@@ -1,0 +1,129 @@
+"""From an FMU and records to what is diagnosed: the component behind it, and records with what it simulates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration.discrepancy.data.holdout import HELD_OUT
+from orchestration.discrepancy.foreign.component import Behind, behind
+from orchestration.fmu.model import Model, model_of
+from orchestration.fmu.signal import Value
+from orchestration.identify.any_fmu import FmuWithDifferences
+from orchestration.identify.comparison import fit_model
+from orchestration.identify.grey_box import Fit
+from orchestration.records import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surrounded:
+    """What is diagnosed in place of an FMU.
+
+    Attributes
+    ----------
+    original : Model
+        The FMU.
+    settings : dict of str to float or str
+        With which it was simulated, fitted values among them.
+    fit : Fit or None
+    behind : Behind
+    model : Model
+        Of the component behind it.
+    records, holdouts : list of Record
+        With what the FMU simulates over them.
+    """
+
+    original: Model
+    settings: dict[str, Value]
+    fit: Fit | None
+    behind: Behind
+    model: Model
+    records: list[Record]
+    holdouts: list[Record]
+
+
+def surround(
+    model: Model,
+    records: Sequence[Record],
+    holdouts: Sequence[Record],
+    given: Mapping[str, Value],
+    fit: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda text: None,
+) -> Surrounded:
+    """Simulate an FMU over records, and put the component behind it.
+
+    Parameters
+    ----------
+    model : Model
+        Without equations.
+    records, holdouts : sequence of Record
+        In the FMU's units.
+    given : Mapping of str to float or str
+        Values of parameters, and of inputs that stand still.
+    fit : sequence of str
+        Parameters to fit first, to the first record without the part that is held out; they may still change, to first
+        order, beside every correction.
+    progress : callable
+        Told what is being done.
+
+    Raises
+    ------
+    UserError
+        If the FMU cannot be simulated over a record, or a parameter cannot be fitted.
+    """
+    every = (*records, *holdouts)
+    measured = [n for n in model.outputs if any(n in r.signals for r in every) and model.outputs[n].type == "real"]
+    if not measured:
+        raise UserError(f"{records[0].source}: it has no real output of {model.name} ({', '.join(model.outputs)})")
+    for name in fit:
+        if name not in model.parameters:
+            raise UserError(f"fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
+    settings, fitted = dict(given), None
+    if fit:
+        progress(f"fitting {', '.join(fit)} of {model.path.name}")
+        fitted = fit_model(model, *_fitted_part(model, records[0], bool(holdouts) or len(records) > 1), fit, given)
+        settings |= fitted.values
+    time = records[0].time
+    found = behind(model, measured, fit, float(time[-1] - time[0]), float(np.median(np.diff(time))))
+    progress(f"simulating {model.path.name}")
+    outputs = [n for n, s in model.outputs.items() if s.type == "real"]
+    others = {n: v for n, v in settings.items() if n not in fit and n in model.parameters}
+    with FmuWithDifferences(model, fit, outputs, others) as fmu:
+        wrapped = [_wrapped(record, model, found, fmu, settings, measured) for record in every]
+    return Surrounded(
+        model, settings, fitted, found, replace(model_of(found.cls), name=model.name),
+        wrapped[: len(records)], wrapped[len(records) :],
+    )  # fmt: skip
+
+
+def _fitted_part(model: Model, record: Record, whole: bool) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Time, inputs and measured outputs of the part that nothing is judged by."""
+    last = len(record.time) if whole else round(len(record.time) * (1.0 - HELD_OUT))
+    parts = {n: values[:last] for n, values in record.signals.items()}
+    inputs, measured = ({n: v for n, v in parts.items() if n in of} for of in (model.inputs, model.outputs))
+    return record.time[:last], inputs, measured
+
+
+def _wrapped(
+    record: Record, model: Model, found: Behind, fmu: FmuWithDifferences, settings: Mapping[str, Value],
+    measured: Sequence[str],
+) -> Record:  # fmt: skip
+    """A record with what the FMU makes of its inputs, by the names of the component behind it."""
+    n = len(record.time)
+    held = {i: np.full(n, float(v)) for i, v in settings.items() if i in model.inputs}
+    fed = held | {i: record.signals[i] for i in model.inputs if i in record.signals}
+    values = {p: float(settings.get(p, model.parameters[p].start)) for p in found.fitted}
+    ran = fmu.run(record.time, fed, values)
+    signals = {found.names[name]: series for name, series in (record.signals | fed).items() if name in found.names}
+    signals |= {found.simulated(o): series for o, series in ran.signals.items()}
+    for k, (p, value) in enumerate(values.items()):
+        size = abs(value) or 1.0
+        signals |= {found.slope(o, p): ran.sensitivities[o][:, k] * size for o in measured}
+    units = {v.name: v.unit for v in found.cls.layout.variables}
+    return replace(record, signals=signals, units={name: units[name] for name in signals})

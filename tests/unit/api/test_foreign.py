@@ -1,0 +1,137 @@
+"""Claims: an FMU without equations gets a name, a curve and a gain from outside, and a system that has them.
+
+The oracle is what was done to a lag whose closed form is known; SciPy's filter makes the records.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import orchestration as ppy
+from fmus.kit import UserError
+from orchestration.system.ssp.reading import read as read_ssp
+from tests.support.command import refused, works
+from tests.support.hosts import build_one_state_fmu
+
+STEP, TAU = 0.1, 0.8
+TIME = STEP * np.arange(2000)
+U = 2.0 * np.sin(0.3 * TIME) + 1.5 * np.sin(0.91 * TIME + 1.0) + np.sin(2.3 * TIME + 2.0)
+pytestmark = pytest.mark.timeout(180)
+
+
+def lagged(u, tau=TAU):
+    """x of ``tau dx/dt = u - x`` with u held, exactly."""
+    p = np.exp(-STEP / tau)
+    return lfilter([0.0, 1.0 - p], [1.0, -p], u)
+
+
+def written(folder, y, name="r.csv", seed=1):
+    noisy = y + np.random.default_rng(seed).normal(0.0, 0.02, len(y))
+    np.savetxt(folder / name, np.column_stack([TIME, U, noisy]), delimiter=",", header="time,u,x", comments="")
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("foreign")
+    build_one_state_fmu(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def lag(folder):
+    return ppy.find_model(str(folder / "one_state.fmu"))
+
+
+@pytest.fixture(scope="module")
+def bent(folder, lag):
+    x = lagged(U)
+    return ppy.diagnose(written(folder, x - 0.02 * x**3), lag, fit=["tau"], time=np.inf)
+
+
+def test_an_output_that_bends_is_told_with_its_curve(bent):
+    best = bent.law_map[0]
+    assert (best["law"], best["signal"], best["memory"]) == ("x", "simulated_x", "")
+    assert best["confirmed"]
+    # a gain beside it, of the sensor or of the curve itself, leaves the shape
+    x, y = (np.array(best["curve"][axis]) for axis in "xy")
+    whole, truth = (x * (1.0 + y) if best["kind"] == "multiply" else x + y), x - 0.02 * x**3
+    assert whole * (truth @ whole) / (whole @ whole) == pytest.approx(truth, abs=0.02)
+    assert bent.gain.after["x"] < 0.15 * bent.gain.before["x"]
+
+
+def test_the_system_follows_a_record_that_nobody_has_seen(bent, tmp_path):
+    """The original FMU with its correction, in our master, beside the closed form."""
+    system = read_ssp(bent.system(tmp_path / "s.ssp"), tmp_path / "parts")
+    assert {member.name for member in system.members} == {"fmu", "correction"}
+    u = np.roll(U, 700)
+    result = ppy.run(system, TIME, {"u": u})
+    x = lagged(u)
+    truth = x - 0.02 * x**3
+    late = slice(100, None)
+    plain = np.sqrt(np.mean((x - truth)[late] ** 2))
+    assert np.sqrt(np.mean((result.signals["correction.x"] - truth)[late] ** 2)) < 0.1 * plain
+
+
+def test_a_right_fmu_is_consistent(folder, lag):
+    found = ppy.diagnose(written(folder, lagged(U), "right.csv"), lag, fit=["tau"])
+    assert found.verdict == "consistent"
+    assert not found.law_map
+
+
+def test_a_wrong_parameter_is_no_cause(folder, lag):
+    """The FMU starts at 1 s; the record was made with 0.8 s."""
+    found = ppy.diagnose(written(folder, lagged(U), "other.csv", seed=2), lag, fit=["tau"])
+    assert not found.causes
+
+
+@pytest.mark.parametrize(
+    ("effect", "change", "value"),
+    [
+        ("sensor_gain(x)", lambda x: 1.2 * x, ("x_gain", 1.2, 0.01)),
+        ("sensor_offset(x)", lambda x: x + 0.3, ("x_offset", 0.3, 0.01)),
+        ("transport_delay(x)", lambda x: np.concatenate([np.zeros(5), x[:-5]]), ("x_delay", 0.5, 0.03)),
+    ],
+)
+def test_what_a_sensor_does_is_named(folder, lag, effect, change, value):
+    found = ppy.diagnose(written(folder, change(lagged(U)), "sensor.csv"), lag, settings={"tau": TAU}, time=np.inf)
+    assert found.causes == [effect]
+    name, expected, close = value
+    assert found.parameters[name].value == pytest.approx(expected, abs=close)
+
+
+def test_what_hangs_on_an_input_is_told_over_it(folder, lag):
+    """Something of the input reaches the output beside the lag."""
+    found = ppy.diagnose(written(folder, lagged(U) + 0.05 * U * np.abs(U), "past.csv"), lag, fit=["tau"], time=np.inf)
+    assert found.law_map[0]["signal"] == "u"
+    assert found.law_map[0]["confirmed"]
+
+
+def test_the_command_writes_page_figures_and_system(folder, bent):
+    call = ["diagnose", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--time", "inf"]
+    said = works(*call, "--report", "r.html", "--json", "r.json", "--ssp", "r.ssp", cwd=folder)
+    assert "simulated_x" in said
+    assert (folder / "r.ssp").exists()
+    assert (folder / "r.html").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["--fit", "taw"], ["no parameter named 'taw' (did you mean tau"]),
+        (["--compare", "right.csv"], ["one_state.fmu is an FMU without equations", "each record by itself"]),
+        (["--ssp", "a.fmu"], [".ssp"]),
+        (["--effects", "diffusion"], ["no effect named 'diffusion'"]),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_what_cannot_be_is_refused_in_a_line(folder, arguments, parts):
+    written(folder, lagged(U), "right.csv", seed=3)
+    refused(folder, "diagnose", "r.csv", "--model", "one_state.fmu", *arguments, parts=parts)
+
+
+def test_a_fit_of_what_has_equations_is_refused(folder):
+    with pytest.raises(UserError, match="has equations, and all its parameters are fitted"):
+        ppy.diagnose(written(folder, lagged(U), "right.csv"), "ppy_actuator", fit=["R1"], mapping={"x": "voltage"})
