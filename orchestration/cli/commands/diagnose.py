@@ -138,25 +138,11 @@ def diagnose(
         from orchestration.cli import diagnose_system
 
         others = {
-            "--model": model,
-            "--with": laid_over,
-            "--effects": effects,
-            "--interpolate": interpolate,
-            "--hold": hold,
-            "--fit": fit,
-            "--ssp": ssp,
-            "--runs": runs,
-            "--each": each,
-            "--compare": compare,
-            "--holdout": holdout,
-            "--time": time,
-            "--no-laws": no_laws or None,
-            "--report": report,
-            "--fmu": fmu,
-            "--platforms": platforms,
-            "--experiment": experiment,
-            "a second record": records[1:] or None,
-        }
+            "--model": model, "--with": laid_over, "--effects": effects, "--interpolate": interpolate, "--hold": hold,
+            "--fit": fit, "--ssp": ssp, "--runs": runs, "--each": each, "--compare": compare, "--holdout": holdout,
+            "--time": time, "--no-laws": no_laws or None, "--report": report, "--fmu": fmu, "--platforms": platforms,
+            "--experiment": experiment, "a second record": records[1:] or None,
+        }  # fmt: skip
         with standard_output_for(result):
             diagnose_system.run(records[0], system, mapping or [], settings or [], result, others)
         return
