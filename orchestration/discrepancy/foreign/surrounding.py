@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.sensors import MEASUREMENTS
 from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.foreign.component import Behind, behind
+from orchestration.discrepancy.foreign.component import RECORDED, Behind, behind, real
+from orchestration.discrepancy.foreign.response import Response, responses
+from orchestration.fmu.effects import families
 from orchestration.fmu.model import Model, model_of
 from orchestration.fmu.signal import Value
 from orchestration.identify.any_fmu import FmuWithDifferences
@@ -33,6 +36,8 @@ class Surrounded:
         With which it was simulated, fitted values among them.
     fit : Fit or None
     behind : Behind
+    answers : dict of tuple of str to Response
+        Of outputs to inputs, where a linear one follows the FMU.
     model : Model
         Of the component behind it.
     records, holdouts : list of Record
@@ -43,9 +48,29 @@ class Surrounded:
     settings: dict[str, Value]
     fit: Fit | None
     behind: Behind
+    answers: dict[tuple[str, str], Response]
     model: Model
     records: list[Record]
     holdouts: list[Record]
+
+    @property
+    def moved(self) -> list[str]:
+        """Inputs that may be others in the FMU than they were recorded, by the names of the component."""
+        inputs = dict.fromkeys(name for _, name in self.answers)
+        return [self.behind.names[name] for name in inputs]
+
+    @property
+    def effects(self) -> list[str]:
+        """Effects of the measurement of outputs, and of inputs as they arrive."""
+        of_inputs = [
+            n for n, e in families(self.behind.cls).items() if not e.term.law and e.term.qualifier in self.moved
+        ]
+        return [*MEASUREMENTS, *of_inputs]
+
+    @property
+    def at_rest(self) -> list[str]:
+        """Parameters that are known: what is recorded and what the FMU gets begin alike."""
+        return [self.behind.cls.layout.start_of[s.name] for s in self.behind.cls.layout.states]
 
 
 def surround(
@@ -89,15 +114,18 @@ def surround(
         progress(f"fitting {', '.join(fit)} of {model.path.name}")
         fitted = fit_model(model, *_fitted_part(model, records[0], bool(holdouts) or len(records) > 1), fit, given)
         settings |= fitted.values
-    time = records[0].time
-    found = behind(model, measured, fit, float(time[-1] - time[0]), float(np.median(np.diff(time))))
     progress(f"simulating {model.path.name}")
-    outputs = [n for n, s in model.outputs.items() if s.type == "real"]
+    time, values = records[0].time, {p: float(settings.get(p, model.parameters[p].start)) for p in fit}
     others = {n: v for n, v in settings.items() if n not in fit and n in model.parameters}
-    with FmuWithDifferences(model, fit, outputs, others) as fmu:
+    with FmuWithDifferences(model, (), [*real(model.outputs)], {**others, **values}) as fmu:
+        fed = _fed(records[0], model, settings)
+        moving = [i for i in real(model.inputs) if i in records[0].signals and np.ptp(fed[i]) > 0.0]
+        answers = responses(fmu, time, fed, {}, measured, moving)
+    found = behind(model, measured, fit, float(time[-1] - time[0]), float(np.median(np.diff(time))), answers)
+    with FmuWithDifferences(model, fit, [*real(model.outputs)], others) as fmu:
         wrapped = [_wrapped(record, model, found, fmu, settings, measured) for record in every]
     return Surrounded(
-        model, settings, fitted, found, replace(model_of(found.cls), name=model.name),
+        model, settings, fitted, found, answers, replace(model_of(found.cls), name=model.name),
         wrapped[: len(records)], wrapped[len(records) :],
     )  # fmt: skip
 
@@ -110,18 +138,24 @@ def _fitted_part(model: Model, record: Record, whole: bool) -> tuple[Array, dict
     return record.time[:last], inputs, measured
 
 
+def _fed(record: Record, model: Model, settings: Mapping[str, Value]) -> dict[str, Array]:
+    """What the FMU gets over a record."""
+    held = {i: np.full(len(record.time), float(v)) for i, v in settings.items() if i in model.inputs}
+    return held | {i: record.signals[i] for i in model.inputs if i in record.signals}
+
+
 def _wrapped(
     record: Record, model: Model, found: Behind, fmu: FmuWithDifferences, settings: Mapping[str, Value],
     measured: Sequence[str],
 ) -> Record:  # fmt: skip
     """A record with what the FMU makes of its inputs, by the names of the component behind it."""
-    n = len(record.time)
-    held = {i: np.full(n, float(v)) for i, v in settings.items() if i in model.inputs}
-    fed = held | {i: record.signals[i] for i in model.inputs if i in record.signals}
+    fed = _fed(record, model, settings)
     values = {p: float(settings.get(p, model.parameters[p].start)) for p in found.fitted}
     ran = fmu.run(record.time, fed, values)
     signals = {found.names[name]: series for name, series in (record.signals | fed).items() if name in found.names}
     signals |= {found.simulated(o): series for o, series in ran.signals.items()}
+    known = {v.name for v in found.cls.layout.inputs}
+    signals |= {recorded: fed[i] for i in fed if (recorded := RECORDED.format(found.names.get(i, ""))) in known}
     for k, (p, value) in enumerate(values.items()):
         size = abs(value) or 1.0
         signals |= {found.slope(o, p): ran.sensitivities[o][:, k] * size for o in measured}

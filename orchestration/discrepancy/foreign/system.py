@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from fmus.kit import Component, stack
-from orchestration.discrepancy.foreign.component import behind
+from collections.abc import Mapping, Sequence
+
+from fmus.kit import Component, Effect, stack
+from fmus.kit.errors import UserError
+from orchestration.discrepancy.foreign.component import IN_FMU, ahead, behind
 from orchestration.discrepancy.foreign.surrounding import Surrounded
 from orchestration.fmu.signal import Value
 from orchestration.system.model import Connection, Member, Port, System
 
-_FMU, _CORRECTION = "fmu", "correction"
+_FMU, _AHEAD, _BEHIND = "fmu", "feed", "correction"
 
 
 def corrected(around: Surrounded, component: type[Component]) -> System:
-    """Connect an FMU, with the parameters that were found, to its correction.
+    """Connect an FMU, with the parameters that were found, to its corrections.
 
     Parameters
     ----------
@@ -23,34 +26,67 @@ def corrected(around: Surrounded, component: type[Component]) -> System:
     Returns
     -------
     System
+        With a member ahead of the FMU where an input was found to be another.
+
+    Raises
+    ------
+    UserError
+        If what the FMU gets was found to hang on what it gives.
     """
-    original, found = around.original, around.behind
+    original, names = around.original, around.behind.names
     fitted = {p.name: p.start for p in component.layout.parameters}
-    measured = [o for o in original.outputs if found.names.get(o) in {v.name for v in found.cls.layout.outputs}]
-    stop, step = found.cls.experiment
+    measured = [o for o in original.outputs if names.get(o) in {v.name for v in around.behind.cls.layout.outputs}]
+    stop, step = around.behind.cls.experiment
+    effects = vars(component)["stacked"][1]
+    of_inputs = [effect for effect in effects if _acts_ahead(effect, around.moved)]
     plain = behind(original, measured, (), stop, step)
-    over = stack(plain.cls, *vars(component)["stacked"][1])
-    own = {p.name for p in over.layout.parameters}
-    made = stack(over, name=plain.cls.name, defaults={n: value for n, value in fitted.items() if n in own})
-    members = (
-        Member(_FMU, original.path, _parameters(around, fitted)),
-        Member.of(_CORRECTION, made),
-    )
-    simulated = {v.name for v in made.layout.inputs}
-    connections = tuple(
-        Connection(Port(_FMU, o), Port(_CORRECTION, plain.simulated(o)))
-        for o in original.outputs if o in plain.names and plain.simulated(o) in simulated
-    )  # fmt: skip
+    after = _laid(plain.cls, [effect for effect in effects if effect not in of_inputs], fitted)
+    members = [Member(_FMU, original.path, _parameters(around, fitted)), Member.of(_BEHIND, after)]
+    connections = [Connection(Port(_FMU, o), Port(_BEHIND, plain.simulated(o))) for o in original.outputs if o in names]
     inputs = {
-        i: (Port(_FMU, i), *([Port(_CORRECTION, plain.names[i])] if plain.names.get(i) in simulated else []))
+        i: [Port(_FMU, i), *([Port(_BEHIND, names[i])] if i in names else [])]
         for i in original.inputs if i not in around.settings
     }  # fmt: skip
-    outputs = {o: Port(_CORRECTION, plain.names[o]) for o in measured}
-    doc = f"{original.path.name} with its outputs corrected"
-    return System(f"{plain.cls.name}", members, connections, inputs, outputs, doc, step, stop)
+    if of_inputs:
+        moved = [i for i in inputs if names.get(i) in around.moved]
+        members.append(Member.of(_AHEAD, _ahead(around, moved, of_inputs, fitted)))
+        for i in inputs:
+            inputs[i] += [Port(_AHEAD, names[i])] if i in names else []
+        for i in moved:
+            inputs[i].remove(Port(_FMU, i))
+            connections.append(Connection(Port(_AHEAD, IN_FMU.format(names[i])), Port(_FMU, i)))
+    outside = {i: tuple(ports) for i, ports in inputs.items()}
+    outputs, doc = {o: Port(_BEHIND, names[o]) for o in measured}, f"{original.path.name}, corrected"
+    return System(plain.cls.name, tuple(members), tuple(connections), outside, outputs, doc, step, stop)
 
 
-def _parameters(around: Surrounded, fitted: dict[str, float]) -> dict[str, Value]:
+def _acts_ahead(effect: type[Effect], moved: Sequence[str]) -> bool:
+    """Whether an effect is of what the FMU gets, instead of what it gives."""
+    of_input = not effect.term.law and effect.term.qualifier in moved
+    return of_input or effect.term.law in {IN_FMU.format(name) for name in moved}
+
+
+def _ahead(
+    around: Surrounded, moved: Sequence[str], effects: Sequence[type[Effect]], fitted: Mapping[str, float]
+) -> type[Component]:
+    stop, step = around.behind.cls.experiment
+    try:
+        return _laid(ahead(around.original, moved, stop, step), effects, fitted)
+    except UserError as error:
+        raise UserError(
+            f"{around.original.path.name}: what it gets was found to hang on what it gives ({error}); as a system that "
+            "is a loop, which is not made"
+        ) from error
+
+
+def _laid(base: type[Component], effects: Sequence[type[Effect]], fitted: Mapping[str, float]) -> type[Component]:
+    """Effects over a component, with fitted values."""
+    over = stack(base, *effects)
+    own = {p.name for p in over.layout.parameters}
+    return stack(over, name=base.name, defaults={n: value for n, value in fitted.items() if n in own})
+
+
+def _parameters(around: Surrounded, fitted: Mapping[str, float]) -> dict[str, Value]:
     """Parameters of the FMU, each with the change that it had beside the correction."""
     values = dict(around.settings)
     for name, change in around.behind.fitted.items():

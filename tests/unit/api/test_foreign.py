@@ -11,6 +11,8 @@ from scipy.signal import lfilter
 
 import orchestration as ppy
 from fmus.kit import UserError
+from orchestration.discrepancy.foreign.response import responses
+from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.system.ssp.reading import read as read_ssp
 from tests.support.command import refused, works
 from tests.support.hosts import build_one_state_fmu
@@ -18,13 +20,17 @@ from tests.support.hosts import build_one_state_fmu
 STEP, TAU = 0.1, 0.8
 TIME = STEP * np.arange(2000)
 U = 2.0 * np.sin(0.3 * TIME) + 1.5 * np.sin(0.91 * TIME + 1.0) + np.sin(2.3 * TIME + 2.0)
-pytestmark = pytest.mark.timeout(180)
+pytestmark = pytest.mark.timeout(400)
 
 
 def lagged(u, tau=TAU):
     """x of ``tau dx/dt = u - x`` with u held, exactly."""
     p = np.exp(-STEP / tau)
     return lfilter([0.0, 1.0 - p], [1.0, -p], u)
+
+
+def levelled(u):
+    return u / np.sqrt(1.0 + 0.15 * u**2)
 
 
 def written(folder, y, name="r.csv", seed=1):
@@ -107,6 +113,45 @@ def test_what_hangs_on_an_input_is_told_over_it(folder, lag):
     found = ppy.diagnose(written(folder, lagged(U) + 0.05 * U * np.abs(U), "past.csv"), lag, fit=["tau"], time=np.inf)
     assert found.law_map[0]["signal"] == "u"
     assert found.law_map[0]["confirmed"]
+
+
+@pytest.fixture(scope="module")
+def starved(folder, lag):
+    """What the lag gets levels off: never more than 2.6."""
+    record = written(folder, lagged(levelled(U)), "level.csv")
+    return ppy.diagnose(record, lag, settings={"tau": TAU}, time=np.inf)
+
+
+def test_what_is_wrong_ahead_of_the_dynamics_is_named_there(starved):
+    assert starved.causes == ["input_saturation(u)"]
+    assert starved.parameters["u_saturation"].value == pytest.approx(0.15, rel=0.03)
+
+
+def test_its_system_has_a_member_ahead(starved, tmp_path):
+    system = read_ssp(starved.system(tmp_path / "s.ssp"), tmp_path / "parts")
+    assert {member.name for member in system.members} == {"fmu", "correction", "feed"}
+    u = np.roll(U, 700)
+    found = ppy.run(system, TIME, {"u": u}).signals["correction.x"]
+    truth, plain = lagged(levelled(u)), lagged(u)
+    late = slice(100, None)
+    assert np.sqrt(np.mean((found - truth)[late] ** 2)) < 0.1 * np.sqrt(np.mean((plain - truth)[late] ** 2))
+
+
+def test_a_curve_of_an_input_is_told(folder, lag):
+    found = ppy.diagnose(
+        written(folder, lagged(U + 0.04 * U * np.abs(U)), "more.csv"), lag, fit=["tau"], effects=[], time=np.inf
+    )
+    best = found.law_map[0]
+    assert (best["law"], best["signal"]) == ("u_in_fmu", "u")
+    assert best["confirmed"]
+
+
+def test_the_response_is_that_of_the_lag(lag):
+    with FmuWithDifferences(lag, (), ["x"], {"tau": TAU}) as fmu:
+        (found,) = responses(fmu, TIME, {"u": U}, {}, ["x"], ["u"]).values()
+    assert found.a == pytest.approx(np.array([[-1.0 / TAU]]), rel=1e-6)
+    assert found.b * found.c == pytest.approx([1.0 / TAU], rel=1e-6)
+    assert found.fit > 99.9
 
 
 def test_the_command_writes_page_figures_and_system(folder, bent):
