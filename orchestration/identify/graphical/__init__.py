@@ -1,0 +1,1 @@
+"""Parameters read off a curve: slope and area of loops, creep after a step load, a number with its interval."""
