@@ -32,7 +32,7 @@ def entries() -> Iterator[Entry]:
         yield from part()
 
 
-def run(time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
+def run(time: Array, inputs: Mapping[str, Array], model: PpyActuator | None = None) -> dict[str, Array]:
     """Run the actuator of chapter 3, inputs held between the times.
 
     Parameters
@@ -41,13 +41,15 @@ def run(time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
         Seconds.
     inputs : Mapping[str, ndarray]
         Values (n,) by name, SI.
+    model : PpyActuator, optional
+        One with effects, in its place.
 
     Returns
     -------
     dict of str to ndarray, shape (n,)
         Outputs and states.
     """
-    model = PpyActuator()
+    model = model or PpyActuator()
     integrator = Integrator(model)
     names = [v.name for v in model.layout.outputs]
     states = [v.name for v in model.layout.states]

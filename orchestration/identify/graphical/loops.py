@@ -8,7 +8,7 @@ of theirs, and what drifts is told by the gap.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,7 +57,13 @@ class Loops:
 
 
 def loops(
-    time: ArrayLike, x: ArrayLike, y: ArrayLike, period: float, units: tuple[str, str] = ("C", "m"), start: float = 0.0
+    time: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    period: float,
+    units: tuple[str, str] = ("C", "m"),
+    start: float = 0.0,
+    drift: bool = False,
 ) -> Loops:
     """Analyse the loops of y over x, cycle by cycle.
 
@@ -72,6 +78,9 @@ def loops(
         Of x and y.
     start : float
         Seconds from the first sample that are left out; what is short of a cycle in the end is left out too.
+    drift : bool
+        Whether y may also change steadily with time, as a film does that flows under its load. The rate is estimated
+        with either line, and that of the free one is taken off y before area and gap are.
 
     Returns
     -------
@@ -100,13 +109,13 @@ def loops(
         raise UserError(f"cycle {scarce + 1} has {counted[scarce]} samples: at least {_FEWEST} enclose an area")
     if np.ptp(across[inside]) == 0.0:
         raise UserError("x does not change: there is no slope over it")
+    lines = [_line(across[inside], up[inside], t[inside], cycle[inside], zero, drift) for zero in (False, True)]
+    up = up - lines[0].rate * t
     enclosed, gaps = zip(*(_cycle(t, across, up, k, period) for k in range(count)), strict=True)
     of_x, of_y = units
-    free, through = (
-        _line(across[inside], up[inside], cycle[inside], count, (f"{of_y}/{of_x}", of_y), zero)
-        for zero in (False, True)
-    )
-    return Loops(free[0], free[1], through[0], mean(enclosed, f"{of_x}*{of_y}"), mean(gaps, of_y), count)
+    free, forced = (quantity(*line.slope, count, f"{of_y}/{of_x}") for line in lines)
+    intercept = quantity(*lines[0].intercept, count, of_y)
+    return Loops(free, intercept, forced, mean(enclosed, f"{of_x}*{of_y}"), mean(gaps, of_y), count)
 
 
 def area(x: ArrayLike, y: ArrayLike) -> float:
@@ -134,13 +143,20 @@ def _cycle(t: Array, x: Array, y: Array, number: int, period: float) -> tuple[fl
     return area(*path), float(path[1][-1] - path[1][0])
 
 
-def _line(
-    x: Array, y: Array, cycle: NDArray[np.intp], count: int, units: tuple[str, str], zero: bool
-) -> tuple[Quantity, Quantity]:
-    """Slope and intercept by least squares, with intervals from how far single cycles pull them."""
-    jacobian = x[:, np.newaxis] if zero else np.column_stack([x, np.ones_like(x)])
+class _Line(NamedTuple):
+    """Slope and intercept with their standard errors, and the rate at which y drifts."""
+
+    slope: tuple[float, float]
+    intercept: tuple[float, float]
+    rate: float
+
+
+def _line(x: Array, y: Array, t: Array, cycle: NDArray[np.intp], zero: bool, drift: bool) -> _Line:
+    """Fit a line by least squares; its errors are from how far single cycles pull it."""
+    columns = {"slope": x} | ({} if zero else {"intercept": np.ones_like(x)}) | ({"rate": t} if drift else {})
+    jacobian = np.column_stack(list(columns.values()))
     estimate = np.linalg.lstsq(jacobian, y)[0]
-    bread = covariance(jacobian.T @ jacobian)
-    spread = clustered(bread, jacobian, y - jacobian @ estimate, cycle).standard_errors
-    values = [quantity(float(v), float(e), count, u) for v, e, u in zip(estimate, spread, units, strict=False)]
-    return values[0], values[-1]
+    errors = clustered(covariance(jacobian.T @ jacobian), jacobian, y - jacobian @ estimate, cycle).standard_errors
+    found = {name: (float(v), float(e)) for name, v, e in zip(columns, estimate, errors, strict=True)}
+    nothing = 0.0, 0.0
+    return _Line(found["slope"], found.get("intercept", nothing), found.get("rate", nothing)[0])

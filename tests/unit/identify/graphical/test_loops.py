@@ -59,6 +59,21 @@ def test_a_drift_is_told_by_the_gap():
     assert found.gap.interval == pytest.approx((0.05, 0.05), rel=1e-9)
 
 
+def test_a_drift_that_is_fitted_along_leaves_the_loops_as_they_were():
+    """A charge that settles while a film flows pulls a line that knows of no time."""
+    x = np.sin(OMEGA * TIME) + np.exp(-TIME / 7.5)
+    y = 0.5 * x + 0.1 * np.cos(OMEGA * TIME)
+    still, drifting = loops(TIME, x, y, 2.5), loops(TIME, x, y + 0.02 * TIME, 2.5, drift=True)
+    blind = loops(TIME, x, y + 0.02 * TIME, 2.5)
+    columns = np.column_stack([x, np.ones(3001), TIME])[:3000]
+    expected = np.linalg.lstsq(columns, (y + 0.02 * TIME)[:3000])[0]
+    assert (drifting.slope.value, drifting.intercept.value) == pytest.approx(expected[:2], rel=1e-9)
+    assert drifting.area.value == pytest.approx(still.area.value, rel=0.02)
+    through = np.linalg.lstsq(columns[:, ::2], (y + 0.02 * TIME)[:3000])[0][0]
+    assert drifting.slope_through_zero.value == pytest.approx(through, rel=1e-9)
+    assert abs(drifting.slope.value - 0.5) < 0.01 < 0.05 < abs(blind.slope.value - 0.5)
+
+
 def test_what_comes_before_the_start_and_what_is_short_of_a_cycle_is_left_out():
     x = np.where(TIME < 5.0, 40.0, np.sin(OMEGA * TIME))
     found = loops(TIME[:2900], x[:2900], 2.0 * x[:2900], 2.5, start=5.0)
