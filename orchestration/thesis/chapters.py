@@ -18,13 +18,13 @@ from orchestration.thesis import (
     identification,
     work_loops,
 )
-from orchestration.thesis.analyses import charge_displacement, creep
+from orchestration.thesis.analyses import charge_displacement, creep, potentiostat
 from orchestration.thesis.claim import Claim, Erratum, Illustration
 
 CHAPTERS = {
     "Chapter 2: the bench": (analyser, force_loop),
     "Chapters 1 and 3: the actuator": (actuator, identification, creep, charge_displacement),
-    "Chapter 4: degradation": (forgetting, degradation),
+    "Chapter 4: degradation": (forgetting, degradation, potentiostat),
     "Chapter 5: the foot": (foot, work_loops),
 }
 _PAGE = Path(__file__).parents[2] / "docs" / "errata.md"

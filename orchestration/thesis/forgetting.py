@@ -27,7 +27,9 @@ def entries() -> Iterator[Entry]:
     yield from _forgetting()
 
 
-def recursive(current: Array, voltage: Array, forgetting: float, denominator: float, covariance: float) -> Array:
+def recursive(
+    current: Array, voltage: Array, forgetting: float, denominator: float, covariance: float, reset: int = 0
+) -> Array:
     """Estimate by eqs. 4.7 and 4.9, the missing phi put into the gain.
 
     Parameters
@@ -40,6 +42,8 @@ def recursive(current: Array, voltage: Array, forgetting: float, denominator: fl
         What is added to phi^T P phi: 1 as printed, or the forgetting factor.
     covariance : float
         Of the start, a multiple of unity.
+    reset : int
+        Samples after which the covariance is put back to that, as appendix A3 does it; 0 for never.
 
     Returns
     -------
@@ -53,6 +57,8 @@ def recursive(current: Array, voltage: Array, forgetting: float, denominator: fl
         gain = p @ phi / (denominator + phi @ p @ phi)
         theta = theta + gain * (voltage[t] - phi @ theta)
         p = (p - np.outer(gain, phi @ p)) / forgetting
+        if reset and (t + 1) % reset == 0:
+            p = covariance * np.eye(3)
         estimates.append(theta)
     return np.array(estimates)
 
