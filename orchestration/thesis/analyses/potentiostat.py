@@ -190,9 +190,9 @@ def illustrations() -> tuple[Illustration, ...]:
         Illustration(
             "Fig. 4-8: least squares beside recursive least squares",
             f"±{AMPLITUDE:g} V at {FREQUENCY:g} Hz on the circuit of table 3-1 (dashed), sampled at {RATE:g} Hz, "
-            f"current limited to {CURRENT_LIMIT:g} A, {1e3 * TOLERANCE:g} mV of noise. Steps: least squares over each period. "
-            f"Lines: recursive, factor {FORGETTING:g}, covariance reset every {RESET / RATE:g} s. A reset throws the "
-            "estimates off, R2 the farthest; the impedance, which the derating watches, is back soonest.",
+            f"current at most {CURRENT_LIMIT:g} A, {1e3 * TOLERANCE:g} mV of noise. Steps: least squares over a "
+            f"period. Lines: recursive, factor {FORGETTING:g}, covariance reset every {RESET / RATE:g} s. A reset "
+            "throws the estimates off, R2 the farthest; the impedance, which the derating watches, is back soonest.",
             _beside,
         ),
     )
