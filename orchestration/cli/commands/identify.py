@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -23,9 +23,6 @@ from orchestration.cli.options import (
     option,
 )
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
-
-if TYPE_CHECKING:
-    from orchestration.identify.comparison import Comparison
 
 
 def identify(
@@ -48,6 +45,7 @@ def identify(
     """Identify parameters of a component or any FMU from a record: values, intervals, and a file to bind them."""
     from orchestration.cli.models import check_inputs, model_file, note_neutral, open_model
     from orchestration.identify import comparison as work
+    from orchestration.identify import parameter_set
     from orchestration.records import parse_mapping
     from orchestration.reporting import pictures
     from orchestration.reporting.console import progress, tell_repairs, wrote
@@ -72,19 +70,10 @@ def identify(
         show(found)
         write_json(result, found.to_dict())
         if ssv is not None:
-            _bind(found, ssv)
+            assert found.fit is not None
+            doc = f"identified from {found.record.source.name} for {found.model.title}"
+            parameter_set.write(ssv, found.fit.values, found.model.parameters, doc)
             wrote(ssv)
         if plot is not None:
             found.plot(plot)
             wrote(plot)
-
-
-def _bind(found: Comparison, path: Path) -> None:
-    """Write what was fitted as a parameter set."""
-    from fmus.kit import files
-    from fmus.kit.build.parameters import to_ssv
-
-    assert found.fit is not None
-    values = {name: float(value) for name, value in found.fit.values.items()}
-    doc = f"identified from {found.record.source.name} for {found.model.title}"
-    files.write(path, to_ssv(path.stem, values, found.model.parameters, doc))
