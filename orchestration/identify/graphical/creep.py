@@ -3,7 +3,7 @@
 The three equations leave one parameter of four open: they give k1, b1 and the ratio b2/k2. What closes them is the
 elongation that the Kelvin element has in the end, F0/k2: the line of the steady creep, drawn back to the step, passes
 there above the elongation at once (Findley, Lai, Onaran: Creep and Relaxation of Nonlinear Viscoelastic Materials,
-section 5.4).
+1976).
 """
 
 from __future__ import annotations

@@ -69,6 +69,8 @@ def test_a_drift_that_is_fitted_along_leaves_the_loops_as_they_were():
     expected = np.linalg.lstsq(columns, (y + 0.02 * TIME)[:3000])[0]
     assert (drifting.slope.value, drifting.intercept.value) == pytest.approx(expected[:2], rel=1e-9)
     assert drifting.area.value == pytest.approx(still.area.value, rel=0.02)
+    assert drifting.gap.value == pytest.approx(still.gap.value, abs=2e-3)
+    assert blind.gap.value == pytest.approx(still.gap.value + 0.05, rel=1e-9)
     through = np.linalg.lstsq(columns[:, ::2], (y + 0.02 * TIME)[:3000])[0][0]
     assert drifting.slope_through_zero.value == pytest.approx(through, rel=1e-9)
     assert abs(drifting.slope.value - 0.5) < 0.01 < 0.05 < abs(blind.slope.value - 0.5)
