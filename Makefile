@@ -37,7 +37,7 @@ hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
 
 laws-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.laws --records 120 --clean 232 --seed $(or $(SEED),20261140) --without VoiceCoil --out docs/hidden-laws.md
+	$(BIN)/python -m benchmarks.laws --records 120 --clean 232 --actuator 1 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
 
 public-laws: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.public_laws
