@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -150,15 +150,26 @@ def simulate_instance(
         If a step fails or is discarded, with the time and the FMU's message; nothing shorter is returned.
     """
     names = list(fmu.outputs if outputs is None else outputs)
-    for name in inputs:
-        if fmu.variable(name).causality != "input":
-            inputs_are = ", ".join(fmu.inputs) or "none"
-            raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {inputs_are}")
+    check_inputs(fmu, inputs)
     way = course(fmu, time, inputs, linear, parts)
     step = stepping.stepped if library.stepper() is None else one_fmu.stepped
     result = step(fmu, way, names, progress, max(1, len(time) // 200))
     progress(len(time))
     return {name: result[:, i] for i, name in enumerate(names)}
+
+
+def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
+    """Refuse what is no input of an FMU.
+
+    Raises
+    ------
+    UserError
+        If there is one.
+    """
+    for name in names:
+        if fmu.variable(name).causality != "input":
+            inputs_are = ", ".join(fmu.inputs) or "none"
+            raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {inputs_are}")
 
 
 def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = "") -> None:

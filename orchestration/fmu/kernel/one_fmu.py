@@ -13,33 +13,69 @@ from orchestration.fmu.course import Course, Part
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.program import WHOLE_NUMBERS, Execution, Handler, Program, Return, in_array
+from orchestration.fmu.kernel.pulse import Pulse
 from orchestration.fmu.signal import type_of
 
 Array = NDArray[np.float64]
 
 
+class Prepared:
+    """What the kernel does with an instance along a course, to be carried out from the start any number of times.
+
+    Parameters
+    ----------
+    fmu : Fmu
+        Its instance must stay the same.
+    course : Course
+    outputs : sequence of str
+    pulse : Pulse, optional
+        That several runs share.
+    """
+
+    def __init__(self, fmu: Fmu, course: Course, outputs: Sequence[str], pulse: Pulse | None = None):
+        self._fmu, self._pulse = fmu, pulse
+        self._result = np.empty((len(course.time), len(outputs)))
+        self._program = Program()
+        for part in course.parts:
+            _add_part(self._program, fmu, course, part)
+        self._before_first = len(self._program.operations)  # nothing leads to the first point
+        at_point = _Failures(fmu, course.time, course.inputs, course.table, at_point=True)
+        _add_setting(self._program, fmu, course.inputs, course.table, at_point.setting)
+        _add_moves(self._program, fmu, "Get", outputs, self._result, at_point.reading(outputs))
+        self._columns = _reals_first(fmu, outputs)
+        self._program.hold(course)  # whose times it points to
+
+    def run(self, progress: Callable[[int], None] = lambda done: None, every: int = 0) -> Array:
+        """Carry it out with the instance as it was started.
+
+        Parameters
+        ----------
+        progress : callable
+            Called with the number of a point that was reached, ...
+        every : int
+            ... at every so many of them; 0 for never.
+
+        Returns
+        -------
+        ndarray, shape (n, outputs)
+            Overwritten by the next run where the outputs are all real.
+        """
+        points = len(self._result)
+        execution = Execution(self._program, skipped=self._before_first, pulse=self._pulse)
+        with execution:
+            try:
+                for k in range(0, points if every else 0, max(1, every)):
+                    _carry_on(execution, k + 1)
+                    progress(k)
+                _carry_on(execution, points)
+            finally:
+                self._fmu.warnings += int(execution.warnings[0])
+        return self._result if self._columns == sorted(self._columns) else self._result[:, np.argsort(self._columns)]
+
+
 def stepped(fmu: Fmu, course: Course, outputs: Sequence[str], progress: Callable[[int], None], every: int) -> Array:
     """Step a started instance along its course; as :func:`orchestration.fmu.stepping.stepped`, with the same bits."""
-    points = len(course.time)
-    result = np.empty((points, len(outputs)))
-    program = Program()
-    for part in course.parts:
-        _add_part(program, fmu, course, part)
-    before_first = len(program.operations)  # nothing leads to the first point
-    at_point = _Failures(fmu, course.time, course.inputs, course.table, at_point=True)
-    _add_setting(program, fmu, course.inputs, course.table, at_point.setting)
-    _add_moves(program, fmu, "Get", outputs, result, at_point.reading(outputs))
-    execution = Execution(program, skipped=before_first)
-    with execution:
-        try:
-            for k in range(0, points, every):
-                _carry_on(execution, k + 1)
-                progress(k)
-            _carry_on(execution, points)
-        finally:
-            fmu.warnings += int(execution.warnings[0])
-    columns = _reals_first(fmu, outputs)
-    return result if columns == sorted(columns) else result[:, np.argsort(columns)]
+    return Prepared(fmu, course, outputs).run(progress, every)
 
 
 def _carry_on(execution: Execution, until: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.library import Link, Operation
-from orchestration.fmu.kernel.pulse import pulse
+from orchestration.fmu.kernel.pulse import Pulse
 
 Array = NDArray[np.float64]
 DOUBLE = ctypes.sizeof(ctypes.c_double)
@@ -162,6 +163,8 @@ class Execution:
         Communication point to begin with.
     skipped : int
         Operations that are left out at that one.
+    pulse : Pulse, optional
+        That beats already; else it has its own.
 
     Attributes
     ----------
@@ -169,7 +172,7 @@ class Execution:
         Time in s and calls that ended with a warning, by owner.
     """
 
-    def __init__(self, program: Program, owners: int = 1, first: int = 0, skipped: int = 0):
+    def __init__(self, program: Program, owners: int = 1, first: int = 0, skipped: int = 0, pulse: Pulse | None = None):
         self._program = program
         self._operations = (Operation * len(program.operations))(*program.operations)
         self.seconds, self.warnings = np.zeros(owners), np.zeros(owners, dtype=np.int64)
@@ -181,14 +184,15 @@ class Execution:
         if run is None:
             raise RuntimeError("there is no stepping kernel")
         self._run, self._here = run, ctypes.byref(self._progress)
-        self._pulse = pulse(self._progress)
+        self._pulse, self._felt = pulse, ExitStack()
 
     def __enter__(self) -> Execution:
-        self._pulse.__enter__()
+        pulse = self._pulse or self._felt.enter_context(Pulse())
+        self._felt.enter_context(pulse.of(self._progress))
         return self
 
     def __exit__(self, *error: Any) -> None:
-        self._pulse.__exit__(*error)
+        self._felt.close()
 
     @property
     def point(self) -> int:
