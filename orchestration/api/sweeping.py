@@ -13,6 +13,7 @@ from fmus.kit import Component
 from fmus.kit.errors import UserError, suggestion
 from orchestration.api.simulation import as_model, stimulus, values_of
 from orchestration.fmu.model import Model
+from orchestration.sweeps.compiled import chosen
 from orchestration.sweeps.design import design
 from orchestration.sweeps.ranges import read_range
 from orchestration.sweeps.reductions import checked
@@ -39,6 +40,7 @@ def sweep(
     seed: int = 0,
     outputs: Sequence[str] = (),
     keep: Sequence[str] = ("last", "smallest", "largest"),
+    engine: str = "auto",
     workers: int = 1,
     folder: str | Path | None = None,
     progress: Callable[[int, int], None] = lambda done, whole: None,
@@ -60,6 +62,9 @@ def sweep(
         All unless given.
     keep : sequence of str
         Of each output: ``last``, ``smallest``, ``largest``, ``mean``, ``rms``, or ``trace`` for its whole course.
+    engine : {"auto", "fmu", "compiled"}
+        What runs the cases: the FMU, or the equations of a component in compiled code, which comes to the same numbers
+        sooner and is the choice of ``auto`` wherever it is possible.
     workers : int
         Processes.
     folder : str or Path, optional
@@ -100,6 +105,7 @@ def sweep(
     if twice is not None:
         raise UserError(f"{twice} is swept, and set to one value besides")
     task = Task(
-        subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep))
+        subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep)),
+        chosen(subject, engine),
     )  # fmt: skip
     return run(subject, task, cases, workers, None if folder is None else Path(folder), progress)

@@ -108,6 +108,7 @@ def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
             sorted(task.settings.items()), task.time, sorted(task.inputs), *task.inputs.values()
         ),
         "what is kept": digest(task.outputs, task.keep),
+        "the engine": task.engine,
     }
 
 

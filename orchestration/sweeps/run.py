@@ -60,7 +60,7 @@ def run(
             progress(whole - len(left) + count, whole)
         found = dataset(model, task, cases, np.array(journal.numbers), np.array(journal.traces), journal.failures)
         del journal  # before its folder goes: Windows keeps what is open
-    return found.assign_attrs(model=model.name, guid=guid)
+    return found.assign_attrs(model=model.name, guid=guid, engine=task.engine)
 
 
 def dataset(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration.fmu.repeated import RepeatedFmu
 from orchestration.fmu.signal import Value
+from orchestration.sweeps.compiled import CompiledCases, Equations
 from orchestration.sweeps.reductions import TRACE, reduced
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ class Task:
         That are kept, m of them.
     keep : tuple of str
         Reductions, r of them, and ``trace`` for the whole course.
+    equations : Equations, optional
+        Compiled code that runs the cases; else the FMU does.
     """
 
     path: Path
@@ -46,6 +49,12 @@ class Task:
     inputs: dict[str, Array]
     outputs: tuple[str, ...]
     keep: tuple[str, ...]
+    equations: Equations | None = None
+
+    @property
+    def engine(self) -> str:
+        """What runs the cases, ``compiled`` or ``fmu``."""
+        return "compiled" if self.equations else "fmu"
 
 
 @dataclass(frozen=True)
@@ -75,7 +84,7 @@ def failed(task: Task, reason: str) -> Outcome:
 
 
 class Repeated:
-    """An instance of a task's FMU; a context manager.
+    """A task's FMU, or its compiled code, ready for cases; a context manager.
 
     Parameters
     ----------
@@ -84,21 +93,22 @@ class Repeated:
     Raises
     ------
     UserError
-        If the FMU cannot be opened.
+        If it cannot be opened.
     """
 
     def __init__(self, task: Task):
-        self.task, self._fmu = task, RepeatedFmu(task.path)
-        self._parameters = {*task.names} - {*self._fmu.inputs}
+        self.task = task
+        self._model = CompiledCases(task.equations, task.path) if task.equations else RepeatedFmu(task.path)
+        self._parameters = {*task.names} - {*self._model.inputs}
 
     def __enter__(self) -> Repeated:
-        self._fmu.__enter__()
+        self._model.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._fmu.__exit__(kind, error, trace)
+        self._model.__exit__(kind, error, trace)
 
     def run(self, values: Array) -> Outcome:
         """Run one case from the start; what the FMU refuses is the outcome.
@@ -112,7 +122,7 @@ class Repeated:
         settings = {**task.settings, **{n: v for n, v in given.items() if n in self._parameters}}
         held = {n: np.full(len(task.time), v) for n, v in given.items() if n not in self._parameters}
         try:
-            course = self._fmu.run(task.time, {**task.inputs, **held}, settings, task.outputs)
+            course = self._model.run(task.time, {**task.inputs, **held}, settings, task.outputs)
         except UserError as error:
             return failed(task, str(error))
         return Outcome(reduced(course, task.keep), course if TRACE in task.keep else course[:0])

@@ -7,24 +7,20 @@ its own (``fmi2/exponential.c``). Without a C compiler CasADi interprets the law
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from threading import RLock
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
-from fmus.kit.build.sources import FOLDER, UNIT, fmi_headers, unit
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
-from fmus.kit.layout import Layout
 from fmus.kit.record.interpreted import Interpreted
-from fmus.kit.record.linearisation import Ladder, Linearisation
-from fmus.kit.symbolic import codegen
+from fmus.kit.record.library import RecordLibrary, compiled, sources
+from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.symbolic.hoist import hoist
 from fmus.kit.symbolic.sensitivity import with_sensitivities
 from fmus.kit.symbolic.trace import Graph, trace
@@ -33,7 +29,6 @@ Array = NDArray[np.float64]
 # CasADi counts references to its constants, which all expressions share, without regard to threads: to make or to drop
 # expressions in two threads at once ends the process.
 _EXPRESSIONS = RLock()
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
 @dataclass(frozen=True)
@@ -71,17 +66,15 @@ class CompiledModel:
     def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
         self.names = list(sensitivities)
         with _EXPRESSIONS:
-            base = model if isinstance(model, Graph) else trace(model)
-            if not base.restorable:
-                raise UserError(f"{base.name} has no equations: it stands for something outside; simulate or run it")
+            base = _graph(model)
             self.layout = base.layout
             self._graph = with_sensitivities(base, self.names)
             self._linearisation = Linearisation(base, self._graph)
             hoisted, self._hoisted = hoist(self._graph)
             layout = hoisted.layout
-            made = _sources(hoisted, len(base.layout.states)) if _compiler() else Interpreted(hoisted)
+            made = sources(hoisted, len(base.layout.states)) if _compiler() else Interpreted(hoisted)
             del base, hoisted
-        self._engine = made if isinstance(made, Interpreted) else _Library(layout, made)
+        self._engine = made if isinstance(made, Interpreted) else RecordLibrary.of(layout, made)
 
     def __del__(self) -> None:
         with _EXPRESSIONS:
@@ -155,8 +148,36 @@ class CompiledModel:
         return Trajectory(signals, sensitivities)
 
 
-def _pointer(array: Array) -> object:
-    return array.ctypes.data_as(_DOUBLES)
+def plain_library(cls: type[Component]) -> tuple[Path, float]:
+    """Compile a component for runs that round as its native FMU does, and can be made with numbers only.
+
+    Parameters
+    ----------
+    cls : type[Component]
+
+    Returns
+    -------
+    path : Path
+        For a `RecordLibrary`; its parameters are those of the component's layout, and there is no ladder.
+    tolerance : float
+
+    Raises
+    ------
+    UserError
+        If there is no compiler, or the component has no equations.
+    """
+    with _EXPRESSIONS:
+        graph = _graph(cls)
+        tolerance, made = graph.tolerance, sources(graph, len(graph.layout.states))
+        del graph
+    return compiled(made), tolerance
+
+
+def _graph(model: type[Component] | Graph) -> Graph:
+    graph = model if isinstance(model, Graph) else trace(model)
+    if not graph.restorable:
+        raise UserError(f"{graph.name} has no equations: it stands for something outside; simulate or run it")
+    return graph
 
 
 def _compiler() -> bool:
@@ -166,64 +187,3 @@ def _compiler() -> bool:
     except UserError:
         return False
     return True
-
-
-class _Ladder(ctypes.Structure):
-    """`Ladder` as ``exponential.c`` has it."""
-
-    _fields_ = (
-        ("levels", ctypes.c_int), ("affine", ctypes.c_int), ("largest", ctypes.c_double),
-        ("worth", ctypes.c_double), ("matrix", _DOUBLES), ("phi", _DOUBLES),
-    )  # fmt: skip
-
-
-class _Library:
-    """A graph, compiled."""
-
-    def __init__(self, layout: Layout, sources: dict[str, bytes]):
-        self._function = _load(sources)
-        self._outputs, self._states = len(layout.outputs), len(layout.states) + len(layout.discretes)
-
-    def simulate(
-        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float,
-        ladder: Ladder | None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """Run over a record, as :meth:`Interpreted.simulate`."""
-        outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
-        message = ctypes.create_string_buffer(1024)
-        given = ladder and _Ladder(
-            ladder.levels,
-            int(ladder.affine),
-            ladder.largest,
-            ladder.worth,
-            _pointer(ladder.matrix),
-            _pointer(ladder.phi),
-        )
-        failed = self._function(
-            len(time), _pointer(time), _pointer(table), _pointer(linear), _pointer(parameters), tolerance, effort,
-            given and ctypes.byref(given), _pointer(outputs), _pointer(states), message, len(message),
-        )  # fmt: skip
-        if failed:
-            raise UserError(message.value.decode(errors="replace"))
-        return outputs, states
-
-
-def _sources(graph: Graph, states: int) -> dict[str, bytes]:
-    """C files of a graph, of whose states the first are those of the component."""
-    sources = {p.name: p.read_bytes() for p in FOLDER.iterdir()} | fmi_headers()
-    sources |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
-    sources["record.h"] = f"#define RECORD_STATES {states}\n".encode()
-    return sources | {UNIT: unit("record.c", "native.c", "model.c", "laws.c")}
-
-
-def _load(sources: dict[str, bytes]) -> Any:
-    """Compile, or take from the cache, and bind ``ppy_simulate``."""
-    target = toolchain.host_platform()
-    path = library(sources, UNIT, target, () if target == "win64" else ("m",))
-    function = ctypes.CDLL(str(path)).ppy_simulate
-    function.argtypes = [
-        ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,
-        ctypes.c_double, ctypes.POINTER(_Ladder), _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
-    ]  # fmt: skip
-    function.restype = ctypes.c_int
-    return function

@@ -44,6 +44,10 @@ def sweep(
     preset: Preset = None,
     stop: Stop = None,
     step: Step = None,
+    engine: Annotated[
+        str,
+        typer.Option("--engine", help="auto, fmu, or compiled: the equations of a component, faster, same numbers."),
+    ] = "auto",
     workers: Annotated[int, typer.Option("--workers", metavar="N", help="Processes that run cases.")] = 1,
     out: Annotated[
         Path | None,
@@ -70,7 +74,8 @@ def sweep(
         tell(f"sweeping {opened.title}")
         data = work(
             opened, named, stop=stop, step=step, settings=usual | opened.settings(settings or []), kind=design,
-            samples=samples, seed=seed, outputs=comma_list(outputs), keep=comma_list(keep), workers=workers,
+            samples=samples, seed=seed, outputs=comma_list(outputs), keep=comma_list(keep), engine=engine,
+            workers=workers,
             folder=folder, progress=tell.done,
         )  # fmt: skip
     _show(data)

@@ -111,9 +111,9 @@ class Program:
         self._kept.append(rows)
         self._add(_goes_on, library.KEEP, count=count, values=rows.ctypes.data, ends=source)
 
-    def hold(self, array: Array) -> None:
-        """Keep an array, whose values are moved, from being freed."""
-        self._kept.append(array)
+    def hold(self, memory: object) -> None:
+        """Keep what values are moved from or to, such as an array, from being freed."""
+        self._kept.append(memory)
 
     def call(self, handler: Handler) -> None:
         """Add something that Python does."""
