@@ -20,6 +20,7 @@ from . import (
     record,
     stepping,
     stiff,
+    sweeping,
 )
 from .tables import Topic
 
@@ -33,6 +34,7 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
     "master": master.measure,
     "coupling": coupling.measure,
     "pacing": pacing.measure,
+    "sweeps": sweeping.measure,
     "diagnose": diagnosing.measure,
     "laws": mapping.measure,
     "import": importing.measure,

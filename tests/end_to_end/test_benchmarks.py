@@ -24,6 +24,7 @@ from benchmarks import (
     pacing,
     record,
     stepping,
+    sweeping,
 )
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
@@ -81,6 +82,27 @@ def test_pacing() -> None:
     for name, figures in found.items():
         assert 0.0 <= figures[0] <= figures[1] <= figures[2]
         assert figures[3:] == [1.0, 1.0] or not name.endswith(pacing.BARE)
+
+
+def test_sweeps() -> None:
+    topic = sweeping.measure(quick=True)
+    ways, beside, memory = topic.tables
+    assert list(rows(ways)) == [
+        *(f"{stepping.NATIVE}: {way}" for way in (sweeping.EACH, sweeping.REUSE, sweeping.FMU, sweeping.COMPILED)),
+        *(f"{stepping.YARDSTICK}: {way}" for way in (sweeping.EACH, sweeping.REUSE, sweeping.FMU)),
+    ]
+    assert all(figure > 0.0 for row in [*ways.rows, *beside.rows] for figure in row[1:])
+    assert rows(ways)[f"{stepping.NATIVE}: {sweeping.EACH}"][1] == 1.0
+    assert len(rows(beside)) == 2
+    assert all(mb > 10.0 for _, mb in memory.rows)
+    assert str(topic).count("(target ") == len(sweeping.TARGETS) * 2 - 1 + 1, "compiled is ours alone; two workers"
+
+
+def test_sweeps_refuse_to_time_different_results() -> None:
+    same = {sweeping.EACH: np.ones((2, 3)), sweeping.FMU: np.ones((2, 3)) + 1e-12}
+    sweeping.check_agreement(same)
+    with pytest.raises(RuntimeError, match="compiled: not the numbers"):
+        sweeping.check_agreement(same | {sweeping.COMPILED: np.ones((2, 3)) + 1e-6})
 
 
 def test_record_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,158 @@
+"""Sweeps: many cases of one FMU, beside batches written by hand, and how two workers and many cases do."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+import orchestration as ppy
+from tests.support import hosts
+
+from . import by_hand
+from .stepping import NATIVE, YARDSTICK
+from .tables import Cell, Table, Topic
+from .timing import Times
+
+EACH, REUSE = "fmpy.simulate_fmu for each case", "one instance, by hand in Python"
+FMU, COMPILED = "ppy sweep, FMU", "ppy sweep, compiled"
+ENGINES = {FMU: "fmu", COMPILED: "compiled"}
+SHARE = 20  # the first runs one case for so many of the others: to begin costs it nothing
+TARGETS = ((FMU, EACH, 20.0), (FMU, REUSE, 8.0), (COMPILED, EACH, 100.0))
+TWO_WORKERS = 1.8
+KEEP = ("last", "smallest", "largest")
+_SUBJECTS = {NATIVE: ("R1", 0.3, 0.7, "current", "voltage"), YARDSTICK: ("tau", 0.5, 4.0, "u", "x")}
+_STEP = 0.01  # s
+
+
+def measure(quick: bool = False) -> Topic:
+    """Time the cases of both FMUs in every way; then workers, memory and a large sweep."""
+    cases, points, rounds = (20, 51, 1) if quick else (1000, 1001, 5)
+    many, whole = (40, 80) if quick else (20_000, 100_000)
+    with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
+        paths = {NATIVE: "ppy_actuator", YARDSTICK: str(hosts.build_one_state_fmu(folder))}
+        measured = {name: _time(model, *_SUBJECTS[name], cases, points, rounds) for name, model in paths.items()}
+        beside = [_beside(FMU, paths[YARDSTICK], YARDSTICK, many, points, rounds)]
+        beside.append(_beside(COMPILED, paths[NATIVE], NATIVE, many, points, rounds))
+    rows: list[list[Cell]] = [
+        [f"{name}: {way}", 1e6 * times.best(way), *(_slower(times, other, way) for other in (EACH, REUSE))]
+        for name, times in measured.items() for way in times.seconds
+    ]  # fmt: skip
+    spent = _seconds(NATIVE, "ppy_actuator", COMPILED, whole, points)
+    return Topic(
+        "Sweeps",
+        [
+            f"Time of a case of {points - 1:,} steps with one input set at every point, of {cases:,} cases with other "
+            "values of a parameter, of which the last, smallest and largest value of an output are kept; with all that "
+            "it takes to begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once, resets one "
+            "instance and calls the functions of the FMU with arguments made ready beforehand. One process each; that "
+            "the numbers agree to 1e-9 was verified.",
+            _told(measured),
+            Table(["FMU and way", "best, µs", *(f"{way}: times as long, median" for way in (EACH, REUSE))], rows),
+            f"Two workers beside one, {many:,} such cases (target {TWO_WORKERS:g} times as fast). A worker is an "
+            "interpreter, which takes a second to start, and needs a core of its own.",
+            Table(["", "one worker, s", "two workers, s", "times as fast, median"], beside),
+            f"{whole:,} cases of {NATIVE}, compiled, one worker: {spent:.3g} s, {whole / spent:,.0f} cases a second. "
+            "Memory of the process at its largest, by the number of cases of ten steps:",
+            Table(["cases", "largest, MB"], [[n, _memory(n)] for n in ((10, 40) if quick else (1000, 100_000))]),
+        ],
+    )  # fmt: skip
+
+
+def _slower(times: Times, other: str, way: str) -> float | str:
+    return times.median_ratio(other, way) if other in times.seconds else ""
+
+
+def _told(measured: dict[str, Times]) -> str:
+    told = []
+    for name, times in measured.items():
+        for way, other, target in TARGETS:
+            if way in times.seconds:
+                ratio = times.median_ratio(other, way)
+                result = "met" if ratio >= target else "missed"
+                told.append(f"{name}: {way} {ratio:.3g} times as fast as {other} (target {target:g}, {result})")
+    return "; ".join(told) + "."
+
+
+def _time(
+    model: str, parameter: str, low: float, high: float, name: str, output: str, cases: int, points: int, rounds: int
+) -> Times:  # fmt: skip
+    """Seconds for a case, in turns."""
+    clock, values = _STEP * np.arange(points), np.linspace(low, high, cases)
+    given = np.sin(clock)
+    given[-1] = given[-2]  # fmpy reads an output before, not after the input of the same point is set
+    path = ppy.find_model(model).path
+    ways: dict[str, Callable[[], NDArray[np.float64]]] = {
+        EACH: partial(by_hand.simulate_each, path, parameter, values[::SHARE].tolist(), clock, name, given, output),
+        REUSE: partial(by_hand.reuse_one, path, parameter, values.tolist(), clock, name, given, output),
+    }
+    for way, engine in ENGINES.items():
+        if engine == "fmu" or model == "ppy_actuator":
+            ways[way] = partial(_swept, model, parameter, values, clock, {name: given}, output, engine)
+    seconds = {way: np.empty(rounds) for way in ways}
+    for k in range(-1, rounds):  # the first does not count
+        found = {}
+        for way in list(ways)[k % len(ways) :] + list(ways)[: k % len(ways)]:
+            begin = time.perf_counter()
+            found[way] = ways[way]()
+            seconds[way][k] = (time.perf_counter() - begin) / len(found[way])
+        check_agreement({way: numbers if way == EACH else numbers[::SHARE] for way, numbers in found.items()})
+    return Times(seconds)
+
+
+def check_agreement(found: dict[str, NDArray[np.float64]]) -> None:
+    """Refuse to time what does not come to the same numbers (cases, 3)."""
+    for way, numbers in found.items():
+        if not np.allclose(numbers, found[EACH], rtol=1e-9, atol=1e-12):
+            raise RuntimeError(f"{way}: not the numbers of {EACH}")
+
+
+def _swept(
+    model: str, parameter: str, values: NDArray[np.float64], clock: NDArray[np.float64],
+    inputs: dict[str, NDArray[np.float64]], output: str, engine: str, workers: int = 1,
+) -> NDArray[np.float64]:  # fmt: skip
+    """Run them as a user does; last, smallest and largest (cases, 3)."""
+    found = ppy.sweep(
+        model, {parameter: values.tolist()}, inputs, time=clock, outputs=[output], keep=KEEP, engine=engine,
+        workers=workers,
+    )  # fmt: skip
+    return np.column_stack([found[f"{output}_{kept}"].values for kept in KEEP])
+
+
+def _seconds(name: str, model: str, way: str, cases: int, points: int, workers: int = 1) -> float:
+    parameter, low, high, driven, output = _SUBJECTS[name]
+    clock = _STEP * np.arange(points)
+    begin = time.perf_counter()
+    _swept(
+        model, parameter, np.linspace(low, high, cases), clock, {driven: np.sin(clock)}, output, ENGINES[way], workers
+    )
+    return time.perf_counter() - begin
+
+
+def _beside(way: str, model: str, name: str, cases: int, points: int, rounds: int) -> list[Cell]:
+    """One worker and two, in turns."""
+    seconds = {workers: np.empty(rounds) for workers in (1, 2)}
+    for k in range(rounds):
+        for workers in (1, 2) if k % 2 else (2, 1):
+            seconds[workers][k] = _seconds(name, model, way, cases, points, workers)
+    times = Times({str(workers): spent for workers, spent in seconds.items()})
+    return [f"{name}: {way}", times.best("1"), times.best("2"), times.median_ratio("1", "2")]
+
+
+def _memory(cases: int) -> float:
+    """Largest memory in MB of a process that runs so many short cases."""
+    program = f"from benchmarks.sweeping import _short; _short({cases})"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return float(done.stdout)
+
+
+def _short(cases: int) -> None:
+    _seconds(NATIVE, "ppy_actuator", COMPILED, cases, 11)
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
