@@ -28,7 +28,8 @@ SHARE = 20  # the first runs one case for so many of the others: to begin costs 
 TARGETS = ((FMU, EACH, 20.0), (FMU, REUSE, 8.0), (COMPILED, EACH, 100.0))
 TWO_WORKERS = 1.8
 KEEP = ("last", "smallest", "largest")
-_SUBJECTS = {NATIVE: ("R1", 0.3, 0.7, "current", "voltage"), YARDSTICK: ("tau", 0.5, 4.0, "u", "x")}
+# outputs without feedthrough: fmpy reads them before it sets the input of the same point, not after
+_SUBJECTS = {NATIVE: ("C", 5.0, 10.0, "current", "displacement"), YARDSTICK: ("tau", 0.5, 4.0, "u", "x")}
 _STEP = 0.01  # s
 
 
@@ -87,7 +88,6 @@ def _time(
     """Seconds for a case, in turns."""
     clock, values = _STEP * np.arange(points), np.linspace(low, high, cases)
     given = np.sin(clock)
-    given[-1] = given[-2]  # fmpy reads an output before, not after the input of the same point is set
     path = ppy.find_model(model).path
     ways: dict[str, Callable[[], NDArray[np.float64]]] = {
         EACH: partial(by_hand.simulate_each, path, parameter, values[::SHARE].tolist(), clock, name, given, output),
@@ -110,7 +110,7 @@ def _time(
 def check_agreement(found: dict[str, NDArray[np.float64]]) -> None:
     """Refuse to time what does not come to the same numbers (cases, 3)."""
     for way, numbers in found.items():
-        if not np.allclose(numbers, found[EACH], rtol=1e-9, atol=1e-12):
+        if not np.allclose(numbers, found[EACH], rtol=1e-9, atol=0.0):
             raise RuntimeError(f"{way}: not the numbers of {EACH}")
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from orchestration.api.records import read_record
     from orchestration.api.runs import run
     from orchestration.api.simulation import simulate
-    from orchestration.api.sweeping import sweep
+    from orchestration.api.sweeping import sweep, sweep_file
     from orchestration.fmu.model import find_model
     from orchestration.system.model import System
 
@@ -39,11 +39,12 @@ _HOME = {
     "run": "orchestration.api.runs",
     "simulate": "orchestration.api.simulation",
     "sweep": "orchestration.api.sweeping",
+    "sweep_file": "orchestration.api.sweeping",
     "System": "orchestration.system.model",
 }
 __all__ = [
     "System", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run",
-    "simulate", "sweep",
+    "simulate", "sweep", "sweep_file",
 ]  # fmt: skip
 
 

@@ -109,3 +109,44 @@ def sweep(
         chosen(subject, engine),
     )  # fmt: skip
     return run(subject, task, cases, workers, None if folder is None else Path(folder), progress)
+
+
+def sweep_file(
+    path: str | Path,
+    *,
+    engine: str = "auto",
+    workers: int = 1,
+    folder: str | Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+    note: Callable[[str], None] = lambda line: None,
+) -> xarray.Dataset:
+    """Run a sweep that a TOML file describes.
+
+    Parameters
+    ----------
+    path : str or Path
+        An experiment, what its parameters go through, and what is kept.
+    engine, workers, folder, progress
+        As in `sweep`.
+    note : callable
+        Told what else is worth knowing, such as inputs that stay at their start value.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `sweep`.
+
+    Raises
+    ------
+    UserError
+        If something in the file is wrong or does not fit the model.
+    """
+    from orchestration.sweeps.file import read_sweep
+
+    asked = read_sweep(Path(path), note)
+    table = asked.table
+    return sweep(
+        asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=table.design,
+        samples=table.samples, seed=table.seed, outputs=asked.outputs, keep=table.keep, engine=engine, workers=workers,
+        folder=folder, progress=progress,
+    ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, PlainValidator, ValidationError, model_validator
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.stimulus import AnyStimulus
 from orchestration.experiment.values import Amount, File, Span, Table
+
+Checked = TypeVar("Checked", bound=Table)
 
 
 def _setting(given: Any) -> Any:
@@ -114,8 +116,13 @@ def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Ex
     UserError
         For the first thing that is wrong: file, key, value, what is allowed.
     """
+    return checked(Experiment, given, where, folder)
+
+
+def checked(table: type[Checked], given: Mapping[str, Any], where: str, folder: str | None = None) -> Checked:
+    """Check what a file says against the keys of its tables; as `parse`, for files that say more than an experiment."""
     try:
-        return Experiment.model_validate(given, context={"folder": folder})
+        return table.model_validate(given, context={"folder": folder})
     except ValidationError as error:
         problems = error.errors(include_url=False)
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""

@@ -42,13 +42,14 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     if not path.is_file():
         hint = suggestion(name_or_path, known) if not path.suffix else ""
         raise UserError(f"{name_or_path}: {'a folder' if path.is_dir() else 'no such file or experiment'}{hint}")
-    given = _from_toml(path) if path.suffix.lower() == ".toml" else _from_result(path, not settings)
+    given = read_toml(path) if path.suffix.lower() == ".toml" else _from_result(path, not settings)
     for setting in settings:
         _set(given, setting)
     return parse(given, name_or_path, str(path.parent))
 
 
-def _from_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a file as TOML; UserError with the line that is none."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:

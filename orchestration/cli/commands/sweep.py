@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,50 +16,61 @@ from orchestration.cli.outputs import Outputs
 if TYPE_CHECKING:
     import xarray
 
-_NETCDF = (".nc",)
+_NETCDF, _TOML = (".nc",), (".toml",)
+_RAN = {"fmu": "FMU", "compiled": "compiled"}
+_KEEP = "last,smallest,largest"
+Over = Annotated[
+    list[str] | None,
+    option(
+        "--over",
+        metavar="NAME=FROM..TO:COUNT",
+        help="What a parameter, or an input that is held, goes through: R1=0.3..0.7:41, C=1e-3..1e-1:7 log, "
+        "k1=6.3N/mm, 9N/mm; R1=0.3..0.7 for a design that chooses the values. Repeatable.",
+    ),
+]
+DesignKind = Annotated[
+    str,
+    typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol."),
+]
+Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of the last two.")]
+Seed = Annotated[int, typer.Option("--seed", help="Of the last two.")]
+Kept = Annotated[str | None, option("--outputs", help="Which outputs are kept, e.g. voltage,charge.")]
+Keep = Annotated[
+    str, typer.Option("--keep", help="What of each: last, smallest, largest, mean, rms, trace (all of it).")
+]
+Engine = Annotated[
+    str,
+    typer.Option("--engine", help="auto, fmu, or compiled: the equations of a component, faster, same numbers."),
+]
+Workers = Annotated[int, typer.Option("--workers", metavar="N", help="Processes that run cases.")]
+Out = Annotated[
+    Path | None,
+    option("--out", metavar="FILE", help="Result with units (.nc). Interrupted, the same command goes on."),
+]
 
 
 def sweep(
+    context: typer.Context,
     model: Model,
-    over: Annotated[
-        list[str],
-        typer.Option(
-            "--over",
-            metavar="NAME=FROM..TO:COUNT",
-            help="What a parameter, or an input that is held, goes through: R1=0.3..0.7:41, C=1e-3..1e-1:7 log, "
-            "k1=6.3N/mm, 9N/mm; R1=0.3..0.7 for a design that chooses the values. Repeatable.",
-        ),
-    ],
-    design: Annotated[
-        str,
-        typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol."),
-    ] = "grid",
-    samples: Annotated[int | None, option("--samples", metavar="N", help="Cases of the last two.")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the last two.")] = 0,
-    outputs: Annotated[str | None, option("--outputs", help="Which outputs are kept, e.g. voltage,charge.")] = None,
-    keep: Annotated[
-        str, typer.Option("--keep", help="What of each: last, smallest, largest, mean, rms, trace (all of it).")
-    ] = "last,smallest,largest",
+    over: Over = None,
+    design: DesignKind = "grid",
+    samples: Samples = None,
+    seed: Seed = 0,
+    outputs: Kept = None,
+    keep: Keep = _KEEP,
     effects: With = None,
     settings: Set = None,
     preset: Preset = None,
     stop: Stop = None,
     step: Step = None,
-    engine: Annotated[
-        str,
-        typer.Option("--engine", help="auto, fmu, or compiled: the equations of a component, faster, same numbers."),
-    ] = "auto",
-    workers: Annotated[int, typer.Option("--workers", metavar="N", help="Processes that run cases.")] = 1,
-    out: Annotated[
-        Path | None,
-        option("--out", metavar="FILE", help="Result with units (.nc). Interrupted, the same command goes on."),
-    ] = None,
+    engine: Engine = "auto",
+    workers: Workers = 1,
+    out: Out = None,
     plot: Picture = None,
     runtime: Runtime = "native",
 ) -> None:
-    """Run a component or any FMU over many values of its parameters."""
-    from orchestration.api.sweeping import sweep as work
-    from orchestration.cli.models import model_file, open_model
+    """Run a component or any FMU over many values of its parameters, or a sweep that a TOML file describes."""
+    from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
     from orchestration.reporting.console import progress, wrote
     from orchestration.sweeps import picture
@@ -66,24 +78,60 @@ def sweep(
     Outputs(
         {"the model": model_file(model)}, {"--out": out, "--plot": plot}, {"--out": _NETCDF, "--plot": pictures.FORMATS}
     ).check()
-    opened = open_model(model, runtime, comma_list(effects))
-    named, folder = _named(over), out and out.with_name(f"{out.name}.part")
-    # what is swept goes through its values whatever a preset has for it
-    usual = {name: value for name, value in opened.settings([], preset).items() if name not in named}
+    folder = out and out.with_name(f"{out.name}.part")
+    how: dict[str, Any] = {"engine": engine, "workers": workers, "folder": folder}
+    if Path(model).suffix.lower() in _TOML:
+        _refuse_beside_file(context)
+        work = _of_file(Path(model))
+    else:
+        what = {
+            "stop": stop, "step": step, "kind": design, "samples": samples, "seed": seed,
+            "outputs": comma_list(outputs), "keep": comma_list(keep),
+        }  # fmt: skip
+        work = _of_options(model, over or [], runtime, comma_list(effects), settings or [], preset, what)
     with progress() as tell:
-        tell(f"sweeping {opened.title}")
-        data = work(
-            opened, named, stop=stop, step=step, settings=usual | opened.settings(settings or []), kind=design,
-            samples=samples, seed=seed, outputs=comma_list(outputs), keep=comma_list(keep), engine=engine,
-            workers=workers,
-            folder=folder, progress=tell.done,
-        )  # fmt: skip
+        tell(f"sweeping {model}")
+        data = work(progress=tell.done, **how)
     _show(data)
     if out is not None:
         _keep(data, out, folder)
     if plot is not None:
         picture.draw(data, plot)
         wrote(plot)
+
+
+def _of_options(
+    model: str, over: list[str], runtime: str, effects: list[str], settings: list[str], preset: str | None,
+    what: dict[str, Any],
+) -> Callable[..., xarray.Dataset]:  # fmt: skip
+    """Say what is run as options do."""
+    from orchestration.api.sweeping import sweep as work
+    from orchestration.cli.models import open_model
+
+    opened, named = open_model(model, runtime, effects), _named(over)
+    # what is swept goes through its values whatever a preset has for it
+    usual = {name: value for name, value in opened.settings([], preset).items() if name not in named}
+    given = usual | opened.settings(settings)
+    return lambda **how: work(opened, named, settings=given, **what, **how)
+
+
+def _of_file(path: Path) -> Callable[..., xarray.Dataset]:
+    """Say what is run as a file does."""
+    from orchestration.api.sweeping import sweep_file
+    from orchestration.reporting.console import note
+
+    return lambda **how: sweep_file(path, note=note, **how)
+
+
+_BESIDE_FILE = ("context", "model", "engine", "workers", "out", "plot")
+
+
+def _refuse_beside_file(context: typer.Context) -> None:
+    """Refuse options about what is run where a file says it."""
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name not in _BESIDE_FILE and source is not None and source.name == "COMMANDLINE":
+            raise UserError(f"{parameter.opts[0]}: the file says what is run; change it there")
 
 
 def _named(over: list[str]) -> dict[str, str]:
@@ -116,7 +164,7 @@ def _show(data: xarray.Dataset) -> None:
     from orchestration.reporting.console import note, out, plain_table
 
     cases = int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
-    out.print(f"{data.attrs['model']}: {cases:,} cases")
+    out.print(f"{data.attrs['model']}: {cases:,} cases, {_RAN[data.attrs['engine']]}")
     columns = ("smallest", "largest")
     table = plain_table(None, "over all cases", *columns, "unit", right=columns)
     for name, array in data.items():

@@ -1,0 +1,114 @@
+"""A sweep as a TOML file: an experiment, what its parameters go through, and what is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from fmus.kit.errors import UserError
+from orchestration.experiment.library import shipped
+from orchestration.experiment.model import Experiment, checked, parse
+from orchestration.experiment.preparation import prepare
+from orchestration.experiment.reading import read, read_toml
+from orchestration.experiment.subject import subject
+from orchestration.experiment.values import Table
+from orchestration.fmu.model import Model, find_model
+from orchestration.fmu.signal import Value
+
+Array = NDArray[np.float64]
+ENDINGS = (".toml",)
+
+
+class SweepTable(Table):
+    """The keys of the file; ``docs/how-to/sweeps.md`` tells them."""
+
+    title: str = ""
+    experiment: str | dict[str, Any]
+    over: Annotated[dict[str, str | list[float | str]], Field(min_length=1)]
+    design: str = "grid"
+    samples: Annotated[int, Field(ge=1, strict=True)] | None = None
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    keep: list[str] = ["last", "smallest", "largest"]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a file asks for.
+
+    Attributes
+    ----------
+    table : SweepTable
+    model : Model
+    over : dict of str to str
+        What each parameter goes through.
+    time : ndarray, shape (n,)
+        Communication points, s.
+    inputs : Mapping of str to ndarray, shape (n,)
+        In the FMU's units.
+    settings : dict of str to float or str
+        In the FMU's units.
+    outputs : list of str
+    """
+
+    table: SweepTable
+    model: Model
+    over: dict[str, str]
+    time: Array
+    inputs: Mapping[str, Array]
+    settings: dict[str, Value]
+    outputs: list[str]
+
+
+def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> Asked:
+    """Read a sweep, and check its experiment against what that is made on.
+
+    Parameters
+    ----------
+    path : Path
+    note : callable
+        Called with a line for what is worth knowing: repairs in a file, inputs that stay at their start value.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read, or something in it is wrong: one line.
+    """
+    where = str(path)
+    if not path.is_file():
+        raise UserError(f"{where}: {'a folder' if path.is_dir() else 'no such file'}")
+    table = checked(SweepTable, read_toml(path), where, str(path.parent))
+    experiment = _without(_experiment(table.experiment, path), table.over)
+    if experiment.component is None:
+        raise UserError(f"{where}: a sweep is of a component or an FMU, and {experiment.system} is a system")
+    if experiment.noise:
+        raise UserError(f"{where}: noise is of what is measured; a sweep has none")
+    with subject(experiment, where) as on:
+        left = {name: signal for name, signal in on.inputs.items() if name not in table.over}
+        prepared = prepare(experiment, replace(on, inputs=left), where, note)
+    over = {name: v if isinstance(v, str) else ", ".join(map(str, v)) for name, v in table.over.items()}
+    settings = {name: value for name, value in prepared.settings.items() if name not in table.over}
+    model = find_model(experiment.component, experiment.runtime, experiment.effects)
+    return Asked(table, model, over, prepared.time, prepared.inputs, settings, prepared.record)
+
+
+def _experiment(given: str | dict[str, Any], path: Path) -> Experiment:
+    """Take the experiment that a file names, one that ships or a file beside it, or that it states itself."""
+    if isinstance(given, dict):
+        return parse(given, f"{path}: experiment", str(path.parent))
+    beside = path.parent / given
+    return read(str(beside) if given not in shipped() and beside.is_file() else given)
+
+
+def _without(experiment: Experiment, swept: Mapping[str, Any]) -> Experiment:
+    """Leave out what is swept, whatever the experiment has for it."""
+    parameters, inputs = (
+        {name: value for name, value in group.items() if name not in swept}
+        for group in (experiment.parameters, experiment.inputs)
+    )
+    return experiment.model_copy(update={"parameters": parameters, "inputs": inputs})
