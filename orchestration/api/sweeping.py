@@ -42,6 +42,7 @@ def sweep(
     keep: Sequence[str] = ("last", "smallest", "largest"),
     engine: str = "auto",
     workers: int = 1,
+    scheduler: str | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int], None] = lambda done, whole: None,
 ) -> xarray.Dataset:
@@ -67,6 +68,8 @@ def sweep(
         sooner and is the choice of ``auto`` wherever it is possible.
     workers : int
         Processes.
+    scheduler : str, optional
+        Address of a Dask cluster that runs the cases, such as ``"tcp://10.0.0.5:8786"``.
     folder : str or Path, optional
         Keeps what is done, so that the same call goes on after an interrupt; it stays.
     progress : callable
@@ -94,6 +97,8 @@ def sweep(
     subject = as_model(model)
     if workers < 1:
         raise UserError(f"workers {workers}: one or more")
+    if scheduler is not None and workers > 1:
+        raise UserError(f"workers {workers}: they are of this machine; the cluster at {scheduler} has its own")
     unknown = next((name for name in outputs if name not in subject.outputs), None)
     if unknown is not None:
         raise UserError(f"{subject.name}: no output named {unknown!r}{suggestion(unknown, subject.outputs)}")
@@ -108,7 +113,7 @@ def sweep(
         subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep)),
         chosen(subject, engine),
     )  # fmt: skip
-    return run(subject, task, cases, workers, None if folder is None else Path(folder), progress)
+    return run(subject, task, cases, workers, None if folder is None else Path(folder), progress, scheduler)
 
 
 def sweep_file(
@@ -116,6 +121,7 @@ def sweep_file(
     *,
     engine: str = "auto",
     workers: int = 1,
+    scheduler: str | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int], None] = lambda done, whole: None,
     note: Callable[[str], None] = lambda line: None,
@@ -126,7 +132,7 @@ def sweep_file(
     ----------
     path : str or Path
         An experiment, what its parameters go through, and what is kept.
-    engine, workers, folder, progress
+    engine, workers, scheduler, folder, progress
         As in `sweep`.
     note : callable
         Told what else is worth knowing, such as inputs that stay at their start value.
@@ -148,5 +154,5 @@ def sweep_file(
     return sweep(
         asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=table.design,
         samples=table.samples, seed=table.seed, outputs=asked.outputs, keep=table.keep, engine=engine, workers=workers,
-        folder=folder, progress=progress,
+        scheduler=scheduler, folder=folder, progress=progress,
     ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Signal
+from orchestration.sweeps.cluster import outcomes_of_cluster
 from orchestration.sweeps.crew import outcomes
 from orchestration.sweeps.design import Design
 from orchestration.sweeps.journal import Journal
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 
 def run(
     model: Model, task: Task, cases: Design, workers: int = 1, folder: Path | None = None,
-    progress: Callable[[int, int], None] = lambda done, whole: None,
+    progress: Callable[[int, int], None] = lambda done, whole: None, scheduler: str | None = None,
 ) -> xarray.Dataset:  # fmt: skip
     """Run all cases of a design that were not run yet.
 
@@ -39,6 +40,8 @@ def run(
         Where what is done is kept, to go on with after an interrupt; it stays.
     progress : callable
         Told how many cases are done, and of how many.
+    scheduler : str, optional
+        Address of a Dask cluster that runs them in place of processes here; the numbers are the same.
 
     Returns
     -------
@@ -55,7 +58,11 @@ def run(
         journal = Journal(folder or Path(scratch) / "journal", task, cases.cases, guid)
         left, whole = journal.left, len(cases.cases)
         progress(whole - len(left), whole)
-        for count, (row, outcome) in enumerate(outcomes(task, cases.cases, left, workers), start=1):
+        if scheduler is None or not left:
+            ran = outcomes(task, cases.cases, left, workers)
+        else:
+            ran = outcomes_of_cluster(scheduler, task, cases.cases, left)
+        for count, (row, outcome) in enumerate(ran, start=1):
             journal.write(row, outcome)
             progress(whole - len(left) + count, whole)
         found = dataset(model, task, cases, np.array(journal.numbers), np.array(journal.traces), journal.failures)

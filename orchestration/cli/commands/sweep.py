@@ -43,6 +43,9 @@ Engine = Annotated[
     typer.Option("--engine", help="auto, fmu, or compiled: the equations of a component, faster, same numbers."),
 ]
 Workers = Annotated[int, typer.Option("--workers", metavar="N", help="Processes that run cases.")]
+Scheduler = Annotated[
+    str | None, option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://10.0.0.5:8786.")
+]
 Out = Annotated[
     Path | None,
     option("--out", metavar="FILE", help="Result with units (.nc). Interrupted, the same command goes on."),
@@ -65,6 +68,7 @@ def sweep(
     step: Step = None,
     engine: Engine = "auto",
     workers: Workers = 1,
+    scheduler: Scheduler = None,
     out: Out = None,
     plot: Picture = None,
     runtime: Runtime = "native",
@@ -79,7 +83,7 @@ def sweep(
         {"the model": model_file(model)}, {"--out": out, "--plot": plot}, {"--out": _NETCDF, "--plot": pictures.FORMATS}
     ).check()
     folder = out and out.with_name(f"{out.name}.part")
-    how: dict[str, Any] = {"engine": engine, "workers": workers, "folder": folder}
+    how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder}
     if Path(model).suffix.lower() in _TOML:
         _refuse_beside_file(context)
         work = _of_file(Path(model))
@@ -123,7 +127,7 @@ def _of_file(path: Path) -> Callable[..., xarray.Dataset]:
     return lambda **how: sweep_file(path, note=note, **how)
 
 
-_BESIDE_FILE = ("context", "model", "engine", "workers", "out", "plot")
+_BESIDE_FILE = ("context", "model", "engine", "workers", "scheduler", "out", "plot")
 
 
 def _refuse_beside_file(context: typer.Context) -> None:

@@ -1,0 +1,184 @@
+"""Cases run by the workers of a Dask cluster, whose machines need this package and nothing of this sweep."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.errors import UserError
+from orchestration.sweeps.crew import Numbered
+from orchestration.sweeps.task import Outcome, Repeated, Task, failed
+
+Array = NDArray[np.float64]
+_LARGEST, _PARTS, _AHEAD = 64, 8, 2  # as in `crew`
+_PATIENCE = 30.0  # s without anything done, after which it is asked whether there are workers
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A task with the files that it names, which are not on the machines of a cluster.
+
+    Attributes
+    ----------
+    task : Task
+    fmu : bytes
+    library : bytes
+        Compiled code; empty without.
+    digest : str
+        Of all of it.
+    """
+
+    task: Task
+    fmu: bytes
+    library: bytes
+    digest: str
+
+
+def packed(task: Task) -> Parcel:
+    """Read the files of a task."""
+    fmu, library = task.path.read_bytes(), task.equations.library.read_bytes() if task.equations else b""
+    of_task = repr(task).encode() + task.time.tobytes() + b"".join(v.tobytes() for v in task.inputs.values())
+    return Parcel(task, fmu, library, hashlib.sha256(fmu + library + of_task).hexdigest())
+
+
+def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[int]) -> Iterator[Numbered]:
+    """Run cases on a cluster, and tell each as soon as it is there.
+
+    Parameters
+    ----------
+    address : str
+        Of its scheduler, such as ``tcp://10.0.0.5:8786``.
+    task : Task
+    cases : ndarray, shape (n, p)
+    which : sequence of int
+        Rows to run.
+
+    Yields
+    ------
+    tuple of int and Outcome
+        In any order. A case that ends its worker again and again fails.
+
+    Raises
+    ------
+    UserError
+        If `distributed` is not installed, there is no such cluster, it has no workers, or they cannot run the task.
+    """
+    with Repeated(task):  # what is wrong with the FMU is told here, in one line
+        pass
+    client, threads = _connected(address)
+    size = int(np.clip(len(which) // (threads * _PARTS), 1, _LARGEST))
+    parts = deque([*which[at : at + size]] for at in range(0, len(which), size))
+    running: dict[Any, list[int]] = {}
+    try:
+        # as a result, which is made again where the workers that have it end; what is scattered would be lost with them
+        parcel = client.submit(unpacked, packed(task), pure=False)
+        while parts or running:
+            while parts and len(running) < _AHEAD * threads:
+                rows = parts.popleft()
+                # a result is not known by its arguments: a part that is told again is run again
+                running[client.submit(work, parcel, cases[rows], pure=False)] = rows
+            for future in _done(client, running, address):
+                rows = running.pop(future)
+                yield from _results(future, rows, task, parts, address)
+    finally:
+        client.cancel([*running])
+        client.close()
+
+
+def _connected(address: str) -> tuple[Any, int]:
+    """Return a client of a cluster, and how many cases it can run at once."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise UserError("--scheduler needs distributed: pip install 'ppy-rig[cluster]'") from error
+    try:
+        client: Any = Client(address, timeout=10.0, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise UserError(f"--scheduler {address}: no scheduler answers there") from error
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError as error:
+        client.close()
+        raise UserError(f"--scheduler {address}: it has no workers") from error
+    return client, max(1, sum(client.nthreads().values()))
+
+
+def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]:
+    """Wait for the next that are done."""
+    from distributed import wait
+
+    while True:
+        try:
+            with client.as_current():
+                return [*wait([*running], timeout=_PATIENCE, return_when="FIRST_COMPLETED").done]
+        except TimeoutError as error:
+            if not client.nthreads():
+                raise UserError(
+                    f"--scheduler {address}: all its workers are gone; with --out the same command goes on where it was"
+                ) from error
+
+
+def _results(future: Any, rows: list[int], task: Task, parts: deque[list[int]], address: str) -> Iterator[Numbered]:
+    from distributed.scheduler import KilledWorker
+
+    try:
+        found: list[Outcome] = future.result()
+        yield from zip(rows, found, strict=True)
+    except KilledWorker:
+        if len(rows) == 1:
+            yield rows[0], failed(task, f"{task.path.name}: the process that ran it ended")
+        parts.extend([row] for row in rows if len(rows) > 1)  # one by one: only the case that ends a worker is blamed
+    except UserError:
+        raise
+    except Exception as error:
+        line = " ".join(str(error).split()) or type(error).__name__
+        raise UserError(f"--scheduler {address}: a worker failed ({line})") from error
+
+
+# ---- on a worker ----------------------------------------------------------------------------------------------------
+
+_lock = Lock()  # a worker may have several threads; an instance has one
+_open: tuple[str, Repeated, Any] | None = None  # what was run last: its digest, what runs it, the folder of its files
+
+
+def unpacked(parcel: Parcel) -> Parcel:
+    """Return what is there for all parts."""
+    return parcel
+
+
+def work(parcel: Parcel, cases: Array) -> list[Outcome]:
+    """Run cases (k, p) on a worker, which keeps what runs them for the next."""
+    with _lock:
+        repeated = _repeated(parcel)
+        return [repeated.run(values) for values in cases]
+
+
+def _repeated(parcel: Parcel) -> Repeated:
+    global _open
+    if _open is not None and _open[0] == parcel.digest:
+        return _open[1]
+    if _open is not None:
+        _open[1].__exit__(None, None, None)
+        _open[2].cleanup()
+        _open = None
+    folder = tempfile.TemporaryDirectory(prefix="ppy-sweep-", ignore_cleanup_errors=True)
+    task, path = parcel.task, Path(folder.name) / parcel.task.path.name
+    path.write_bytes(parcel.fmu)
+    task = replace(task, path=path)
+    if task.equations:
+        library = Path(folder.name) / task.equations.library.name
+        library.write_bytes(parcel.library)
+        task = replace(task, equations=replace(task.equations, library=library))
+    repeated = Repeated(task)
+    repeated.__enter__()
+    _open = parcel.digest, repeated, folder
+    return repeated

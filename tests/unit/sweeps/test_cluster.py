@@ -1,0 +1,88 @@
+"""Claims: a Dask cluster comes to the bits of this process. Two real workers, each a process of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import orchestration as ppy
+from fmus.kit import UserError
+from orchestration.sweeps import cluster
+from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
+
+distributed = pytest.importorskip("distributed", reason="no Dask cluster without distributed")
+pytestmark = pytest.mark.filterwarnings("ignore")  # what Dask thinks of its own parts
+TIME = 0.1 * np.arange(51)
+
+
+@pytest.fixture(scope="module")
+def lag(tmp_path_factory):
+    return str(build_one_state_fmu(tmp_path_factory.mktemp("lag")))
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made:
+        yield made
+
+
+def test_any_fmu_comes_to_the_same_bits_and_the_closed_form(lag, workers):
+    call = {"over": {"tau": "0.1..10:37 log", "u": [1.0, -2.0]}, "time": TIME, "keep": ["last", "mean", "trace"]}
+    here, there = ppy.sweep(lag, **call), ppy.sweep(lag, **call, scheduler=workers.scheduler_address)
+    assert there.identical(here)
+    exact = there["u"].values * (1.0 - np.exp(-TIME[-1] / there["tau"].values[:, None]))
+    assert there["x_last"].values == pytest.approx(exact, abs=1e-12)
+
+
+def test_compiled_code_travels_to_the_workers(workers):
+    over, driven = {"R1": "0.3..0.7:37"}, {"current": np.sin(TIME)}
+    here, there = (
+        ppy.sweep("ppy_actuator", over, driven, time=TIME, engine="compiled", scheduler=address)
+        for address in (None, workers.scheduler_address)
+    )
+    assert there.identical(here)
+
+
+def test_what_was_done_on_a_cluster_is_gone_on_with_here(lag, workers, tmp_path):
+    def interrupt(done, whole):
+        if done >= 7:
+            raise KeyboardInterrupt
+
+    call = {"over": {"tau": "0.5..4:200"}, "inputs": {"u": 1.0}, "time": TIME}
+    with pytest.raises(KeyboardInterrupt):
+        ppy.sweep(lag, **call, folder=tmp_path / "part", progress=interrupt, scheduler=workers.scheduler_address)
+    seen = []
+    again = ppy.sweep(lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done))
+    assert seen[0] == 7
+    assert again.identical(ppy.sweep(lag, **call))
+
+
+def test_a_case_that_ends_its_worker_fails_alone(tmp_path, workers):
+    step = "    def do_step(self, current_time, step_size):\n"
+    ends = "        if self.u == 3.0:\n            import os\n\n            os._exit(7)\n"
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + ends).replace("Minimal", "Fragile")
+    fragile = str(build_pythonfmu(tmp_path, "fragile", source))
+    found = ppy.sweep(fragile, {"u": [1.0, 2.0, 3.0, 4.0]}, time=TIME, scheduler=workers.scheduler_address)
+    bad = found["u"].values == 3.0
+    assert "process that ran it ended" in str(found["failure"].values[bad][0])
+    assert (found["failure"].values[~bad] == "").all()
+    assert np.isfinite(found["x_last"].values[~bad]).all()
+
+
+def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
+    call = {"over": {"tau": "0.5..4:5"}, "time": TIME}
+    with pytest.raises(UserError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers there"):
+        ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(UserError, match="no scheduler answers there"):
+        ppy.sweep(lag, **call, scheduler="nonsense://x")
+    with pytest.raises(UserError, match="of this machine"):
+        ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9", workers=2)
+
+
+def test_a_cluster_without_workers_is_told_in_a_line(lag, monkeypatch):
+    monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=None) as empty,
+        pytest.raises(UserError, match="it has no workers"),
+    ):
+        ppy.sweep(lag, {"tau": "0.5..4:5"}, time=TIME, scheduler=empty.scheduler_address)
