@@ -89,6 +89,10 @@ def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
     if kind == "list" and len(set(lengths)) > 1:
         told = ", ".join(f"{one.name} {n}" for one, n in zip(ranges, lengths, strict=True))
         raise UserError(f"--design list takes as many values of every parameter, not {told}")
+    for one in ranges if kind == "grid" else ():
+        several, counts = np.unique(one.values, return_counts=True)
+        if len(several) < len(one.values):
+            raise UserError(f"--over {one.name}: {several[counts > 1][0]:g} stands there twice")
     count = float(np.prod(np.array(lengths, dtype=float))) if kind == "grid" else lengths[0]
     if count > MOST:
         raise UserError(f"{count:.3g} cases; at most {MOST:,} are made")

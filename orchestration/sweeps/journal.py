@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -40,11 +43,11 @@ class Journal:
     def __init__(self, folder: Path, task: Task, cases: Array, guid: str):
         self.folder, self._task = folder, task
         about = _about(task, cases, guid)
-        nothing = failed(task, "")
+        nothing, mode = failed(task, ""), ""
         try:
             if (folder / _ABOUT).exists():
                 _check(folder, json.loads((folder / _ABOUT).read_text(encoding="utf-8")), about)
-                mode: Any = "r+"
+                mode = "r+"
             else:
                 folder.mkdir(parents=True, exist_ok=True)
                 (folder / _FAILURES).unlink(missing_ok=True)
@@ -56,6 +59,9 @@ class Journal:
                 files.write(folder / _ABOUT, json.dumps(about).encode())
             self.failures = _failures(folder / _FAILURES)
         except OSError as error:
+            if mode == "w+":
+                for name in (_DONE, _NUMBERS, _TRACES):  # what has no room is not left in the way of others
+                    (folder / name).unlink(missing_ok=True)
             raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
         except ValueError as error:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
@@ -72,8 +78,13 @@ class Journal:
             self.traces[row] = outcome.trace
         if outcome.failure:
             self.failures[row] = outcome.failure
-            with (self.folder / _FAILURES).open("a", encoding="utf-8") as file:
-                file.write(json.dumps([row, outcome.failure]) + "\n")
+            try:
+                with (self.folder / _FAILURES).open("a", encoding="utf-8") as file:
+                    file.write(json.dumps([row, outcome.failure]) + "\n")
+            except OSError as error:
+                raise UserError(
+                    f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
+                ) from error
         self._done[row] = 1
 
 
@@ -86,10 +97,24 @@ def _failures(path: Path) -> dict[int, str]:
     return {int(row): str(reason) for row, reason in map(json.loads, whole.splitlines())}
 
 
-def _array(path: Path, mode: Any, shape: tuple[int, ...], kind: str) -> Array:
+def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
     if 0 in shape:
         return np.empty(shape, kind)
-    return np.lib.format.open_memmap(path, mode, np.dtype(kind), shape if mode == "w+" else None)
+    if mode == "r+":
+        return np.lib.format.open_memmap(path, "r+")
+    array = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
+    _reserve(path)
+    return array
+
+
+def _reserve(path: Path) -> None:
+    """Take room on the disk for all of a file: to write into a mapped file that has none ends the process."""
+    size = path.stat().st_size
+    if hasattr(os, "posix_fallocate"):
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+    elif shutil.disk_usage(path.parent).free < size:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:

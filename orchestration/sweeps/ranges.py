@@ -69,7 +69,7 @@ def read_range(text: str, model: Model) -> Range:
     found = _RANGE.match(given)
     if found is None:
         values = [_value(one, signal, text) for one in given.split(",")]
-        return Range(name, signal.unit, _different(np.array(values), text))
+        return Range(name, signal.unit, np.array(values))
     low, high = (_value(found[end], signal, text) for end in ("low", "high"))
     return _divided(name, signal, (low, high), found["count"], bool(found["log"]), text)
 
@@ -95,10 +95,3 @@ def _value(given: str, signal: Signal, text: str) -> float:
     if isinstance(value, str) or not np.isfinite(value):
         raise UserError(f"--over {text!r}: {given.strip()!r} is no number")
     return float(value)
-
-
-def _different(values: Array, text: str) -> Array:
-    several, counts = np.unique(values, return_counts=True)
-    if len(several) < len(values):
-        raise UserError(f"--over {text!r}: {several[counts > 1][0]:g} stands there twice")
-    return values

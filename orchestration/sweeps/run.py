@@ -58,16 +58,30 @@ def run(
         journal = Journal(folder or Path(scratch) / "journal", task, cases.cases, guid)
         left, whole = journal.left, len(cases.cases)
         progress(whole - len(left), whole)
+        alike = _alike(cases, left)
         if scheduler is None or not left:
-            ran = outcomes(task, cases.cases, left, workers)
+            ran = outcomes(task, cases.cases, [*alike], workers)
         else:
-            ran = outcomes_of_cluster(scheduler, task, cases.cases, left)
-        for count, (row, outcome) in enumerate(ran, start=1):
-            journal.write(row, outcome)
-            progress(whole - len(left) + count, whole)
+            ran = outcomes_of_cluster(scheduler, task, cases.cases, [*alike])
+        done = whole - len(left)
+        for first, outcome in ran:
+            for row in alike[first]:
+                journal.write(row, outcome)
+            done += len(alike[first])
+            progress(done, whole)
         found = dataset(model, task, cases, np.array(journal.numbers), np.array(journal.traces), journal.failures)
         del journal  # before its folder goes: Windows keeps what is open
     return found.assign_attrs(model=model.name, guid=guid, engine=task.engine)
+
+
+def _alike(cases: Design, left: Sequence[int]) -> Mapping[int, Sequence[int]]:
+    """Cases that are left by the first that is the same, for a case is run once; only a list can have one twice."""
+    if cases.kind != "list":
+        return {row: (row,) for row in left}
+    groups: dict[bytes, list[int]] = {}
+    for row in left:
+        groups.setdefault(cases.cases[row].tobytes(), []).append(row)
+    return {rows[0]: rows for rows in groups.values()}
 
 
 def dataset(

@@ -1,0 +1,115 @@
+"""Claims: a case that is there twice is run once; a full disk is told in a line and costs nothing that was done."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import orchestration as ppy
+from fmus.kit import UserError
+from orchestration.fmu.repeated import RepeatedFmu
+from orchestration.sweeps.journal import Journal
+from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
+
+TIME = 0.1 * np.arange(51)
+
+
+@pytest.fixture(scope="module")
+def lag(tmp_path_factory):
+    return str(build_one_state_fmu(tmp_path_factory.mktemp("lag")))
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 64 KiB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if sys.platform != "linux" or shutil.which("mount") is None:
+        pytest.skip("a small disk is made with mount of Linux")
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder], capture_output=True).returncode:
+        pytest.skip("this user may not mount a file system")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+def ran(monkeypatch):
+    """Count runs."""
+    counted, known = [], RepeatedFmu.run
+    monkeypatch.setattr(RepeatedFmu, "run", lambda *given: counted.append(1) or known(*given))
+    return counted
+
+
+def test_a_case_that_is_there_twice_is_run_once(lag, monkeypatch):
+    counted = ran(monkeypatch)
+    taus, levels = [1.0, 2.0, 1.0, 1.0, 2.0], [1.0, 1.0, 1.0, 3.0, 1.0]
+    told = []
+    found = ppy.sweep(lag, {"tau": taus, "u": levels}, time=TIME, kind="list", keep=["last", "trace"],
+                      progress=lambda done, whole: told.append((done, whole)))  # fmt: skip
+    assert len(counted) == 3
+    assert told[-1] == (5, 5)
+    exact = np.array(levels)[:, None] * (1.0 - np.exp(-TIME / np.array(taus)[:, None]))
+    assert found["x"].values == pytest.approx(exact, abs=1e-12)
+    assert found["x_last"].values == pytest.approx(exact[:, -1], abs=1e-12)
+
+
+def test_of_a_case_that_is_there_twice_one_may_be_done(lag, tmp_path, monkeypatch):
+    """An interrupt between what is written of the two."""
+    written, known = [], Journal.write
+
+    def write(journal, row, outcome):
+        if len(written) == 1:
+            raise KeyboardInterrupt
+        written.append(row)
+        known(journal, row, outcome)
+
+    call = {"over": {"tau": [1.0, 1.0, 2.0, 1.0]}, "inputs": {"u": 1.0}, "time": TIME, "kind": "list"}
+    with monkeypatch.context() as patched:
+        patched.setattr(Journal, "write", write)
+        with pytest.raises(KeyboardInterrupt):
+            ppy.sweep(lag, **call, folder=tmp_path / "part")
+    assert written == [0]
+    counted = ran(monkeypatch)
+    again = ppy.sweep(lag, **call, folder=tmp_path / "part")
+    assert len(counted) == 2
+    assert again.identical(ppy.sweep(lag, **call))
+
+
+def test_a_sweep_that_has_no_room_is_refused_before_anything_runs(lag, small_disk, monkeypatch):
+    """Its arrays are mapped: what does not fit would end the process as it is written."""
+    counted = ran(monkeypatch)
+    call = {"inputs": {"u": 1.0}, "time": TIME, "keep": ["trace"]}
+    with pytest.raises(UserError, match=r"part: cannot be written \(No space left on device\)") as refused:
+        ppy.sweep(lag, {"tau": "0.5..4:400"}, **call, folder=small_disk / "part")
+    assert "\n" not in str(refused.value)
+    assert counted == []
+    found = ppy.sweep(lag, {"tau": "0.5..4:20"}, **call, folder=small_disk / "part")
+    assert found["x"].shape == (20, 51)
+
+
+def test_a_disk_that_fills_while_cases_fail_loses_nothing(tmp_path, small_disk):
+    """Reasons of failures are all that grows; what was done before is there afterwards."""
+    step = "    def do_step(self, current_time, step_size):\n"
+    refuses = "        if self.u >= 5.0:\n            return False\n"
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + refuses).replace("Minimal", "Fragile")
+    fragile = str(build_pythonfmu(tmp_path, "fragile", source))
+
+    def fill(done, whole):
+        if done == 5:
+            with (small_disk / "other").open("wb", buffering=0) as file, contextlib.suppress(OSError):
+                while True:
+                    file.write(bytes(512))
+
+    # a page of failures is there before the disk is full, and does not last
+    call = {"over": {"u": "1..200:200"}, "time": TIME[:3], "keep": ["last"]}
+    with pytest.raises(UserError, match=r"No space left on device\); what is done stands there"):
+        ppy.sweep(fragile, **call, folder=small_disk / "part", progress=fill)
+    (small_disk / "other").unlink()
+    seen = []
+    again = ppy.sweep(fragile, **call, folder=small_disk / "part", progress=lambda done, whole: seen.append(done))
+    assert seen[0] > 5
+    assert again.identical(ppy.sweep(fragile, **call))
