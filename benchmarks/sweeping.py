@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import orchestration as ppy
+from orchestration.fmu.model import Model
 from tests.support import hosts
 
 from . import by_hand
@@ -50,7 +51,7 @@ def measure(quick: bool = False) -> Topic:
     return Topic(
         "Sweeps",
         [
-            f"Time of a case of {points - 1:,} steps with one input set at every point, of {cases:,} cases with other "
+            f"Processor time of a case of {points - 1:,} steps with one input set at every point, of {cases:,} cases with other "
             "values of a parameter, of which the last, smallest and largest value of an output are kept; with all that "
             "it takes to begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once, resets one "
             "instance and calls the functions of the FMU with arguments made ready beforehand. One process each; that "
@@ -85,24 +86,25 @@ def _told(measured: dict[str, Times]) -> str:
 def _time(
     model: str, parameter: str, low: float, high: float, name: str, output: str, cases: int, points: int, rounds: int
 ) -> Times:  # fmt: skip
-    """Seconds for a case, in turns."""
+    """Seconds of the processor for a case, in turns; each way has one process and waits for nothing."""
     clock, values = _STEP * np.arange(points), np.linspace(low, high, cases)
     given = np.sin(clock)
-    path = ppy.find_model(model).path
+    found_model = ppy.find_model(model)
+    path = found_model.path
     ways: dict[str, Callable[[], NDArray[np.float64]]] = {
         EACH: partial(by_hand.simulate_each, path, parameter, values[::SHARE].tolist(), clock, name, given, output),
         REUSE: partial(by_hand.reuse_one, path, parameter, values.tolist(), clock, name, given, output),
     }
     for way, engine in ENGINES.items():
         if engine == "fmu" or model == "ppy_actuator":
-            ways[way] = partial(_swept, model, parameter, values, clock, {name: given}, output, engine)
+            ways[way] = partial(_swept, found_model, parameter, values, clock, {name: given}, output, engine)
     seconds = {way: np.empty(rounds) for way in ways}
     for k in range(-1, rounds):  # the first does not count
         found = {}
         for way in list(ways)[k % len(ways) :] + list(ways)[: k % len(ways)]:
-            begin = time.perf_counter()
+            begin = time.process_time()
             found[way] = ways[way]()
-            seconds[way][k] = (time.perf_counter() - begin) / len(found[way])
+            seconds[way][k] = (time.process_time() - begin) / len(found[way])
         check_agreement({way: numbers if way == EACH else numbers[::SHARE] for way, numbers in found.items()})
     return Times(seconds)
 
@@ -115,7 +117,7 @@ def check_agreement(found: dict[str, NDArray[np.float64]]) -> None:
 
 
 def _swept(
-    model: str, parameter: str, values: NDArray[np.float64], clock: NDArray[np.float64],
+    model: Model | str, parameter: str, values: NDArray[np.float64], clock: NDArray[np.float64],
     inputs: dict[str, NDArray[np.float64]], output: str, engine: str, workers: int = 1,
 ) -> NDArray[np.float64]:  # fmt: skip
     """Run them as a user does; last, smallest and largest (cases, 3)."""
