@@ -51,9 +51,9 @@ def measure(quick: bool = False) -> Topic:
     return Topic(
         "Sweeps",
         [
-            f"Processor time of a case of {points - 1:,} steps with one input set at every point, of {cases:,} cases with other "
-            "values of a parameter, of which the last, smallest and largest value of an output are kept; with all that "
-            "it takes to begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once, resets one "
+            f"Processor time of a case of {points - 1:,} steps with one input set at every point, of {cases:,} cases "
+            "with other values of a parameter, of which the last, smallest and largest value of an output are kept; with "
+            "all that it takes to begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once, resets one "
             "instance and calls the functions of the FMU with arguments made ready beforehand. One process each; that "
             "the numbers agree to 1e-9 was verified.",
             _told(measured),

@@ -23,6 +23,7 @@ from benchmarks import (
     master,
     pacing,
     record,
+    sizing,
     stepping,
     sweeping,
 )
@@ -103,6 +104,15 @@ def test_sweeps_refuse_to_time_different_results() -> None:
     sweeping.check_agreement(same)
     with pytest.raises(RuntimeError, match="compiled: not the numbers"):
         sweeping.check_agreement(same | {sweeping.COMPILED: np.ones((2, 3)) + 1e-6})
+
+
+def test_a_sweep_on_a_cluster_is_sized_by_its_slowest_share() -> None:
+    found = sizing.sized(case=3.2e-3, head=2e-6, size=1250.0)
+    assert {who: whole for who, (_, whole) in found.items()} == pytest.approx(
+        {"the workers": 1.0, "the machine that asks": 2.0, "the scheduler": 15.625, "the network": 10.0}
+    )
+    text = str(sizing.measure(cases=70, points=11))
+    assert text.count("the bottleneck is the ") == 2
 
 
 def test_record_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,108 @@
+"""How large a sweep a cluster can run: on paper, from what was measured here. Writes ``docs/sweep-sizing.md``."""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+import orchestration as ppy
+from orchestration.sweeps.compiled import chosen
+from orchestration.sweeps.journal import Journal
+from orchestration.sweeps.task import Repeated, Task
+
+from . import machine
+from .tables import Cell, Table, Topic
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "sweep-sizing.md"
+CASES, NODES, CORES = 1_000_000, 100, 32
+PART = 64  # cases that a worker is told at once
+SCHEDULER = 1e-3  # s for a part, as Dask's documentation has it: about a millisecond a task, whoever does it
+NETWORK = 125e6  # bytes/s, of one gigabit a second
+
+
+def measure(cases: int = 2000, points: int = 1001) -> Topic:
+    """Measure a case on a worker, and what it costs the machine that asks for it; work out the rest."""
+    clock = 0.01 * np.arange(points)
+    model = ppy.find_model("ppy_actuator")
+    rows: list[list[Cell]] = []
+    told = []
+    for engine in ("compiled", "fmu"):
+        task = Task(
+            model.path, ("C",), {}, clock, {"current": np.sin(clock)}, ("displacement",),
+            ("last", "smallest", "largest"), chosen(model, engine),
+        )  # fmt: skip
+        case, head, size = _measured(task, np.linspace(5.0, 10.0, cases)[:, np.newaxis])
+        parts = sized(case, head, size)
+        rows += [[f"{engine}: {what}", each, whole] for what, (each, whole) in parts.items()]
+        slowest = max(parts, key=lambda what: parts[what][1])
+        told.append(f"{engine}: {parts[slowest][1]:.3g} s, and the bottleneck is {slowest}")
+    return Topic(
+        f"A sweep of {CASES:,} cases on {NODES} nodes",
+        [
+            f"Sized on paper, for {NODES} nodes of {CORES} cores such as those of the machine below, and a case of "
+            f"{points - 1:,} steps of `ppy_actuator` of which three numbers are kept. Measured, in processor time: "
+            "a case on a worker; and what one costs the machine that asks for it, to read the answer and to write "
+            f"it to disk. Not measured: {1e3 * SCHEDULER:g} ms of Dask's scheduler for a part of {PART} cases, as "
+            "its documentation has it, and a network of one gigabit a second.",
+            str(machine.describe()),
+            Table(["engine and share", "a case, µs", f"{CASES:,} cases, s"], rows),
+            f"The shares overlap, so that the largest is what the sweep takes: {'; '.join(told)}. More nodes do not "
+            "help where that is not the workers: larger parts, or reductions that keep less, do. With longer cases the "
+            "workers come to be it, from the length on at which a case takes as long on all cores as its largest "
+            "other share.",
+        ],
+    )  # fmt: skip
+
+
+def sized(case: float, head: float, size: float) -> dict[str, tuple[float, float]]:
+    """Work out what a sweep takes.
+
+    Parameters
+    ----------
+    case, head : float
+        Seconds of a core of a worker, and of the machine that asks, for a case.
+    size : float
+        Bytes of its answer.
+
+    Returns
+    -------
+    dict of str to tuple of float
+        Microseconds for a case and seconds for all of them, by who spends them.
+    """
+    shares = {
+        "the workers": case / (NODES * CORES),
+        "the machine that asks": head,
+        "the scheduler": SCHEDULER / PART,
+        "the network": size / NETWORK,
+    }
+    return {who: (1e6 * share, CASES * share) for who, share in shares.items()}
+
+
+def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float]:
+    """Seconds for a case on a worker and where it is asked for, and bytes of its answer."""
+    with Repeated(task) as repeated:
+        repeated.run(cases[0])
+        begin = time.process_time()
+        outcomes = [repeated.run(values) for values in cases]
+        case = (time.process_time() - begin) / len(cases)
+    answers = [pickle.dumps(outcomes[at : at + PART]) for at in range(0, len(outcomes), PART)]
+    with tempfile.TemporaryDirectory() as folder:
+        journal = Journal(Path(folder) / "journal", task, cases, "")
+        begin, row = time.process_time(), 0
+        for answer in answers:
+            for outcome in pickle.loads(answer):
+                journal.write(row, outcome)
+                row += 1
+        head = (time.process_time() - begin) / len(cases)
+        del journal
+    return case, head, sum(map(len, answers)) / len(cases)
+
+
+if __name__ == "__main__":
+    text = str(measure()).replace("## ", "# ", 1)
+    PAGE.write_text(f"{text}\n\nWritten by `python -m benchmarks.sizing`.\n", encoding="utf-8")
+    print(text)
