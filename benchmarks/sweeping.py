@@ -36,7 +36,7 @@ _STEP = 0.01  # s
 
 def measure(quick: bool = False) -> Topic:
     """Time the cases of both FMUs in every way; then workers, memory and a large sweep."""
-    cases, points, rounds = (20, 51, 1) if quick else (1000, 1001, 3)
+    cases, points, rounds = (20, 51, 1) if quick else (1000, 1001, 2)
     many, whole = (40, 80) if quick else (10_000, 100_000)
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
         paths = {NATIVE: "ppy_actuator", YARDSTICK: str(hosts.build_one_state_fmu(folder))}
@@ -52,10 +52,10 @@ def measure(quick: bool = False) -> Topic:
         "Sweeps",
         [
             f"Processor time of a case of {points - 1:,} steps with one input set at every point, of {cases:,} cases "
-            "with other values of a parameter, of which the last, smallest and largest value of an output are kept; with "
-            "all that it takes to begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once, resets one "
-            "instance and calls the functions of the FMU with arguments made ready beforehand. One process each; that "
-            "the numbers agree to 1e-9 was verified.",
+            "with other values of a parameter, of which the last, smallest and largest value of an output are kept; "
+            "with all that it takes to begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once, "
+            "resets one instance and calls the functions of the FMU with arguments made ready beforehand. One process "
+            "each; that the numbers agree to 1e-9 was verified.",
             _told(measured),
             Table(["FMU and way", "best, µs", *(f"{way}: times as long, median" for way in (EACH, REUSE))], rows),
             f"Two workers beside one, {many:,} such cases (target {TWO_WORKERS:g} times as fast). A worker is an "
