@@ -146,6 +146,13 @@ def sweep_file(
     ------
     UserError
         If something in the file is wrong or does not fit the model.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> found = ppy.sweep_file("examples/release.toml")
+    >>> dict(found["voltage_largest"].sizes)
+    {'case': 64}
     """
     from orchestration.sweeps.file import read_sweep
 

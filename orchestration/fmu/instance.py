@@ -70,7 +70,6 @@ class Fmu:
         self._log = MessageLog()
         self._shared, self._folder = folder, folder
         self._slave: Any = None
-        self._setters: dict[str, Callable[[Array], None]] = {}
         self.warnings = 0
         self.corrupted = False
 
@@ -117,7 +116,7 @@ class Fmu:
         finally:
             os.chdir(here)  # where loading fails, fmpy leaves the process in the unzipped folder
         self._slave.instantiate(callbacks=self._log.callbacks)
-        self._setters.clear()  # they are of the library that was loaded before
+        self._setters: dict[str, Callable[[Array], None]] = {}  # to make one costs ten times what setting a value does
         self._do_step = bind(self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int)
 
     def start(self, time: float = 0.0, stop: float | None = None) -> None:
@@ -146,9 +145,7 @@ class Fmu:
             if is_text(type_of(variable), value, where):
                 self._checked(f"setting {name}", self._slave.setString, [variable.valueReference], [value])
             else:
-                if name not in self._setters:  # to make one costs ten times as much as to set a value
-                    self._setters[name] = self.writer([name])
-                self._setters[name](np.array([value]))
+                (self._setters.get(name) or self._setters.setdefault(name, self.writer([name])))(np.array([value]))
         self._checked("initialization", self._slave.enterInitializationMode)
 
     def exit_initialization(self) -> None:
