@@ -37,7 +37,7 @@ _STEP = 0.01  # s
 def measure(quick: bool = False) -> Topic:
     """Time the cases of both FMUs in every way; then workers, memory and a large sweep."""
     cases, points, rounds = (20, 51, 1) if quick else (1000, 1001, 2)
-    many, whole = (40, 80) if quick else (10_000, 100_000)
+    many, whole = (40, 80) if quick else (40_000, 100_000)
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
         paths = {NATIVE: "ppy_actuator", YARDSTICK: str(hosts.build_one_state_fmu(folder))}
         measured = {name: _time(model, *_SUBJECTS[name], cases, points, rounds) for name, model in paths.items()}

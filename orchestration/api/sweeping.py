@@ -15,7 +15,7 @@ from orchestration.api.simulation import as_model, stimulus, values_of
 from orchestration.fmu.model import Model
 from orchestration.sweeps.compiled import chosen
 from orchestration.sweeps.design import design
-from orchestration.sweeps.ranges import read_range
+from orchestration.sweeps.ranges import given_range, read_range
 from orchestration.sweeps.reductions import checked
 from orchestration.sweeps.run import run
 from orchestration.sweeps.task import Task
@@ -102,8 +102,10 @@ def sweep(
     unknown = next((name for name in outputs if name not in subject.outputs), None)
     if unknown is not None:
         raise UserError(f"{subject.name}: no output named {unknown!r}{suggestion(unknown, subject.outputs)}")
-    texts = {n: v if isinstance(v, str) else ", ".join(map(repr, map(float, v))) for n, v in over.items()}
-    cases = design([read_range(f"{n}={text}", subject) for n, text in texts.items()], kind, samples, seed)
+    ranges = [
+        read_range(f"{n}={v}", subject) if isinstance(v, str) else given_range(n, v, subject) for n, v in over.items()
+    ]
+    cases = design(ranges, kind, samples, seed)
     points, fed = stimulus(subject, inputs or {}, time, stop, step)
     given = values_of(subject, settings)
     twice = next((n for n in cases.names if n in given or n in fed), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,20 +59,49 @@ def read_range(text: str, model: Model) -> Range:
         If it is no such line, the model has no such parameter, or a value is not allowed.
     """
     name, equals, given = (part.strip() for part in text.partition("="))
-    known = {**model.parameters, **model.inputs}
     if not equals or not given:
         raise UserError(f"--over {text!r}: write name=from..to:count or name=value, value, ...")
-    if name not in known:
-        raise UserError(f"{model.name}: no parameter or input named {name!r}{suggestion(name, known)}")
-    signal = known[name]
-    if signal.type != "real":
-        raise UserError(f"--over {text!r}: {name} is of type {signal.type}; real numbers can be swept")
+    signal = _signal(name, model, text)
     found = _RANGE.match(given)
     if found is None:
         values = [_value(one, signal, text) for one in given.split(",")]
         return Range(name, signal.unit, np.array(values))
     low, high = (_value(found[end], signal, text) for end in ("low", "high"))
     return _divided(name, signal, (low, high), found["count"], bool(found["log"]), text)
+
+
+def given_range(name: str, values: Sequence[float], model: Model) -> Range:
+    """Take values as they are, which costs nothing for a million of them.
+
+    Parameters
+    ----------
+    name : str
+    values : sequence of float, shape (n,)
+        In the unit of the model.
+    model : Model
+
+    Raises
+    ------
+    UserError
+        If the model has no such parameter, or a value is not allowed.
+    """
+    signal, array = _signal(name, model, name), np.array(values, dtype=float)
+    if array.ndim != 1 or not array.size:
+        raise UserError(f"{name}: values of shape {array.shape}; a row of them is swept")
+    if not np.isfinite(array).all():
+        raise UserError(f"{name}: a value is not a number, or not finite")
+    for extreme in (array.min(), array.max()):  # whatever lies between two that are allowed is
+        _value(repr(float(extreme)), signal, f"{name}={extreme:g}")
+    return Range(name, signal.unit, array)
+
+
+def _signal(name: str, model: Model, text: str) -> Signal:
+    known = {**model.parameters, **model.inputs}
+    if name not in known:
+        raise UserError(f"{model.name}: no parameter or input named {name!r}{suggestion(name, known)}")
+    if known[name].type != "real":
+        raise UserError(f"--over {text!r}: {name} is of type {known[name].type}; real numbers can be swept")
+    return known[name]
 
 
 def _divided(

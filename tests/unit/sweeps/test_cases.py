@@ -8,7 +8,7 @@ import pytest
 from fmus.kit import UserError
 from orchestration.fmu.model import find_model
 from orchestration.sweeps.design import design
-from orchestration.sweeps.ranges import read_range
+from orchestration.sweeps.ranges import given_range, read_range
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +53,27 @@ def test_values(model, text, values):
 def test_what_is_no_range_is_told_in_a_line(model, text, told):
     with pytest.raises(UserError, match=told) as refused:
         read_range(text, model)
+    assert "\n" not in str(refused.value)
+
+
+def test_values_as_numbers_are_taken_as_they_are(model):
+    assert given_range("R1", [0.5, 0.25], model).values.tolist() == [0.5, 0.25]
+    assert given_range("current", np.linspace(-1.0, 1.0, 3), model).unit == "A"
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "told"),
+    [
+        ("R9", [1.0], "no parameter or input named 'R9'"),
+        ("R1", [], "a row of them"),
+        ("R1", [[1.0]], "a row of them"),
+        ("R1", [1.0, np.nan], "not a number"),
+        ("R1", [0.5, -1.0, 0.6], "out of range"),
+    ],
+)
+def test_numbers_that_cannot_be_swept_are_told_in_a_line(model, name, values, told):
+    with pytest.raises(UserError, match=told) as refused:
+        given_range(name, values, model)
     assert "\n" not in str(refused.value)
 
 
