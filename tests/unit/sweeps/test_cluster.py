@@ -60,8 +60,8 @@ def test_what_was_done_on_a_cluster_is_gone_on_with_here(lag, workers, tmp_path)
 def test_a_case_that_ends_its_worker_fails_alone(tmp_path, workers):
     step = "    def do_step(self, current_time, step_size):\n"
     ends = "        if self.u == 3.0:\n            import os\n\n            os._exit(7)\n"
-    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + ends).replace("Minimal", "Fragile")
-    fragile = str(build_pythonfmu(tmp_path, "fragile", source))
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + ends).replace("Minimal", "Ending")
+    fragile = str(build_pythonfmu(tmp_path, "ending", source))
     found = ppy.sweep(fragile, {"u": [1.0, 2.0, 3.0, 4.0]}, time=TIME, scheduler=workers.scheduler_address)
     bad = found["u"].values == 3.0
     assert "process that ran it ended" in str(found["failure"].values[bad][0])

@@ -95,8 +95,8 @@ def test_a_disk_that_fills_while_cases_fail_loses_nothing(tmp_path, small_disk):
     """Reasons of failures are all that grows; what was done before is there afterwards."""
     step = "    def do_step(self, current_time, step_size):\n"
     refuses = "        if self.u >= 5.0:\n            return False\n"
-    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + refuses).replace("Minimal", "Fragile")
-    fragile = str(build_pythonfmu(tmp_path, "fragile", source))
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + refuses).replace("Minimal", "Refusing")
+    fragile = str(build_pythonfmu(tmp_path, "refusing", source))
 
     def fill(done, whole):
         if done == 5:
@@ -104,7 +104,7 @@ def test_a_disk_that_fills_while_cases_fail_loses_nothing(tmp_path, small_disk):
                 while True:
                     file.write(bytes(512))
 
-    # a page of failures is there before the disk is full, and does not last
+    # Python FMUs of one name share a module in a process, so that this one has a name of its own
     call = {"over": {"u": "1..200:200"}, "time": TIME[:3], "keep": ["last"]}
     with pytest.raises(UserError, match=r"No space left on device\); what is done stands there"):
         ppy.sweep(fragile, **call, folder=small_disk / "part", progress=fill)
