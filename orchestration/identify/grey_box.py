@@ -19,7 +19,7 @@ from scipy.stats import norm
 from fmus.kit.errors import UserError
 from fmus.kit.units import Described, allowed, shown
 from orchestration.identify import prediction_error, presentation
-from orchestration.identify.covariance import sandwich
+from orchestration.identify.covariance import Covariance, sandwich
 from orchestration.identify.estimate import Estimate
 from orchestration.identify.method import Method
 from orchestration.identify.noise.autoregression import autoregression
@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 # nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
 _METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
 _VAGUE = float(np.log(10.0) / norm.ppf(0.975))  # standard error of a logarithm whose parameter is hardly determined
+_COUPLED = 0.9  # correlation beyond which an interval of one parameter alone says little
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
 
@@ -48,12 +49,21 @@ class Fit:
         What this record does not determine, parameters at the end of their range.
     declared : Mapping of str to Described
         Units in which they are read.
+    correlations : dict of tuple of str to float
+        Of every pair of estimates, in searched coordinates; zero where one is not determined.
     """
 
     estimates: dict[str, Estimate]
     evaluations: int
     warnings: list[str]
     declared: Mapping[str, Described]
+    correlations: dict[tuple[str, str], float]
+
+    @property
+    def coupled(self) -> dict[tuple[str, str], float]:
+        """Pairs that the record tells together better than each, the closest first, with their correlations."""
+        close = {pair: r for pair, r in self.correlations.items() if abs(r) > _COUPLED}
+        return dict(sorted(close.items(), key=lambda item: -abs(item[1])))
 
     @property
     def values(self) -> dict[str, float]:
@@ -81,9 +91,10 @@ class Fit:
         return preformatted(str(self))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: parameters, number of simulations, warnings."""
+        """Return the figures, ready for JSON: parameters, correlations, number of simulations, warnings."""
         return {
             "parameters": {name: e.to_dict() for name, e in self.estimates.items()},
+            "correlations": [{"between": [*pair], "value": r} for pair, r in self.correlations.items()],
             "simulations": self.evaluations,
             "warnings": self.warnings,
         }
@@ -132,7 +143,7 @@ def fit(
             raise UserError(f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}")
     noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0) for o, y in problem.measured.items()}
     fitted = prediction_error.fit(problem, problem.position(problem.start), noise, method=_METHOD)
-    intervals, warnings = _intervals(problem, fitted)
+    spread, intervals, warnings = _intervals(problem, fitted)
     if not fitted.converged:
         warnings.insert(0, "the search stopped before it converged; the values are the best found")
     low, high = problem.bounds()
@@ -143,11 +154,20 @@ def fit(
         problem.evaluations,
         warnings,
         {n: problem.declared[n] for n in names},
+        _correlations(names, spread),
     )
 
 
-def _intervals(problem: Problem, fitted: FitResult) -> tuple[dict[str, tuple[float, float]], list[str]]:
-    """95 % intervals, and a sentence for parameters that the record does not determine."""
+def _correlations(names: Sequence[str], spread: Covariance) -> dict[tuple[str, str], float]:
+    sizes = np.sqrt(np.diag(spread.matrix))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        matrix = np.nan_to_num(spread.matrix / np.outer(sizes, sizes))
+    pairs = ((i, j) for i in range(len(names)) for j in range(i))
+    return {(names[j], names[i]): float(np.clip(matrix[i, j], -1.0, 1.0)) for i, j in pairs}
+
+
+def _intervals(problem: Problem, fitted: FitResult) -> tuple[Covariance, dict[str, tuple[float, float]], list[str]]:
+    """Covariance, 95 % intervals, and a sentence for parameters that the record does not determine."""
     slopes = problem.evaluate(fitted.q)[1]
     information = {o: np.sqrt(n.information) for o, n in fitted.noise.items()}
     weighted = {o: information[o] * n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()}
@@ -167,7 +187,7 @@ def _intervals(problem: Problem, fitted: FitResult) -> tuple[dict[str, tuple[flo
     ]
     warnings = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
     intervals = problem.intervals(fitted.q, spread.standard_errors)
-    return intervals, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _too_slow(problem, o, e)]
+    return spread, intervals, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _too_slow(problem, o, e)]
 
 
 def _too_slow(problem: Problem, output: str, residual: Array) -> bool:

@@ -51,7 +51,7 @@ def overview(comparison: Comparison) -> Group:
         table,
     ]
     if comparison.fit is not None:
-        parts += [Text(), parameters(comparison.fit)]
+        parts += [Text(), parameters(comparison.fit), *coupled(comparison.fit)]
     return Group(*parts)
 
 
@@ -78,6 +78,12 @@ def parameters(fit: Fit) -> Table:
         value, nominal, low, high = (shown(x, fit.declared[name]) for x in (e.value, e.nominal, *e.interval))
         table.add_row(name, value, f"{low} … {high}", nominal)
     return table
+
+
+def coupled(fit: Fit) -> list[Text]:
+    """Return a line on pairs of parameters that are known together better than each; none where there are none."""
+    pairs = [f"{a} and {b} ({r:+.2f})" for (a, b), r in fit.coupled.items()]
+    return [Text(f"known together better than each, by their correlation: {', '.join(pairs)}")] if pairs else []
 
 
 def figures(comparison: Comparison) -> dict[str, Any]:

@@ -404,3 +404,34 @@ def test_a_slow_residual_is_told(colour, told):
     measured = {"voltage": rig.run(time, current, np.zeros_like(time))["voltage"]}
     result = fit(PpyActuator, time, {"current": current}, measured, ["R1", "R2", "C"])
     assert any("varies slowly" in w for w in result.warnings) is told
+
+
+class Sum(Component):
+    """Two inputs, each with a factor; linear, so that least squares is on paper."""
+
+    name = "sum"
+
+    a = Parameter(1.0, "1")
+    b = Parameter(1.0, "1")
+    u = Input("1")
+    v = Input("1")
+
+    @Output("1")
+    def y(self):
+        """Their sum."""
+        return self.a * self.u + self.b * self.v
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.7, 0.99])
+def test_correlations_are_those_of_least_squares(alike):
+    rng = np.random.default_rng(5)
+    u, other = rng.normal(size=(2, 400))
+    v = alike * u + np.sqrt(1.0 - alike**2) * other
+    y = 2.0 * u - v + 0.1 * rng.normal(size=400)
+    found = fit(Sum, np.arange(400.0), {"u": u, "v": v}, {"y": y}, ["a", "b"])
+    columns = np.column_stack([u, v])
+    exact = np.linalg.inv(columns.T @ columns)
+    (value,) = found.correlations.values()
+    assert value == pytest.approx(exact[0, 1] / np.sqrt(exact[0, 0] * exact[1, 1]), abs=0.06)
+    assert (("a", "b") in found.coupled) is (alike > 0.9)
+    assert found.to_dict()["correlations"][0]["between"] == ["a", "b"]
