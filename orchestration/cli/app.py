@@ -26,7 +26,10 @@ _COMMANDS = {
     ),
     "simulate": ("Simulate a component or any FMU.", "simulate:simulate"),
     "run": ("Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit.", "run:run"),
-    "sweep": ("Run a component or any FMU over many values of its parameters.", "sweep:sweep"),
+    "sweep": (
+        "Run a component or any FMU over many values of its parameters, or a sweep that a TOML file describes.",
+        "sweep:sweep",
+    ),
     "compare": (
         "Hold a model against a measured record: fit in percent, RMS error, whiteness; recalibrate with --fit.",
         "compare:compare",
