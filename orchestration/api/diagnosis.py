@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from fmus.kit.errors import UserError
+from fmus.kit.sensors import MEASUREMENTS
 from orchestration.api.command import diagnosing
 from orchestration.api.diagnosed import DiagnosisResult
 from orchestration.api.records import Records, held_out, matching_record
@@ -111,7 +112,7 @@ def diagnose(
             raise UserError(f"compare: {subject.name} is an FMU without equations; diagnose each record by itself")
         around = surround(subject, measured, judged, given, fit, progress)
         subject, measured, judged, given = around.model, around.records, around.holdouts, {}
-        effects, hold = around.effects if effects is None else effects, [*hold, *around.at_rest]
+        effects, hold = [*MEASUREMENTS] if effects is None else effects, [*hold, *around.at_rest]
     elif fit:
         raise UserError(f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves some out")
     options = pipeline.Options(

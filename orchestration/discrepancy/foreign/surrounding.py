@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
-from fmus.kit.sensors import MEASUREMENTS
 from orchestration.discrepancy.data.holdout import HELD_OUT
 from orchestration.discrepancy.foreign.component import RECORDED, Behind, behind, real
 from orchestration.discrepancy.foreign.response import Response, responses
-from orchestration.fmu.effects import families
 from orchestration.fmu.model import Model, model_of
 from orchestration.fmu.signal import Value
 from orchestration.identify.any_fmu import FmuWithDifferences
@@ -58,14 +56,6 @@ class Surrounded:
         """Inputs that may be others in the FMU than they were recorded, by the names of the component."""
         inputs = dict.fromkeys(name for _, name in self.answers)
         return [self.behind.names[name] for name in inputs]
-
-    @property
-    def effects(self) -> list[str]:
-        """Effects of the measurement of outputs, and of inputs as they arrive."""
-        of_inputs = [
-            n for n, e in families(self.behind.cls).items() if not e.term.law and e.term.qualifier in self.moved
-        ]
-        return [*MEASUREMENTS, *of_inputs]
 
     @property
     def at_rest(self) -> list[str]:

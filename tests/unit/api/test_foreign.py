@@ -119,10 +119,11 @@ def test_what_hangs_on_an_input_is_told_over_it(folder, lag):
 def starved(folder, lag):
     """What the lag gets levels off: never more than 2.6."""
     record = written(folder, lagged(levelled(U)), "level.csv")
-    return ppy.diagnose(record, lag, settings={"tau": TAU}, time=np.inf)
+    asked = ["input_saturation(u)", "sensor_gain"]
+    return ppy.diagnose(record, lag, settings={"tau": TAU}, effects=asked, time=np.inf)
 
 
-def test_what_is_wrong_ahead_of_the_dynamics_is_named_there(starved):
+def test_what_is_wrong_ahead_of_the_dynamics_is_named_there_where_it_is_asked_for(starved):
     assert starved.causes == ["input_saturation(u)"]
     assert starved.parameters["u_saturation"].value == pytest.approx(0.15, rel=0.03)
 

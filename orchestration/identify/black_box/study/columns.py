@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
 from orchestration.records import read_record
 from orchestration.records.formats.registry import read_table
+from orchestration.records.mapping import TIME
 from orchestration.records.table import Table, numbers
 
 _UNEVEN = 0.01  # of a sample period, by which samples may be off it
@@ -72,6 +74,7 @@ def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: floa
         raise UserError(f"{path}: no column is left for an input beside {output} and the first one")
     units = {c.name: c.unit or "1" for c in table.columns if c.name in (output, *chosen)}
     if step is None:
+        _check_clock(table)
         time, values, notes = _recorded(path, units, chosen)
         step = _period(path, time)
     else:
@@ -83,13 +86,22 @@ def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: floa
 def _recorded(
     path: Path, units: dict[str, str], inputs: Sequence[str]
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], tuple[str, ...]]:
-    try:
-        record = read_record(path, units, required=list(units), inputs=inputs)
-    except UserError as error:
-        if "no time column" in str(error):
-            raise UserError(f"{error}; or give the sample period, --step") from None
-        raise
+    record = read_record(path, units, required=list(units), inputs=inputs)
     return record.time, record.signals, tuple(repair.message for repair in record.repairs)
+
+
+def _check_clock(table: Table) -> None:
+    """Refuse a file without time, which needs a step."""
+    first = table.columns[0]
+    if any(c.name.lower() == TIME for c in table.columns):
+        return
+    try:
+        convert(1.0, first.unit or "1", "s")
+    except UserError:
+        raise UserError(
+            f"{table.path}: no column is a time, and the first, {first.name!r}, is in {first.unit or 'no unit'}; give "
+            "the sample period, --step"
+        ) from None
 
 
 def _counted(table: Table, units: dict[str, str]) -> dict[str, NDArray[np.float64]]:

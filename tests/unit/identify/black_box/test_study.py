@@ -96,7 +96,7 @@ def test_the_page_and_the_figures(found, tmp_path):
 
 def test_a_wall_that_counts_its_samples(public_data):
     path = public_data("two_layer_wall.csv")
-    with pytest.raises(UserError, match=r"no time column.*or give the sample period, --step"):
+    with pytest.raises(UserError, match=r"no column is a time, and the first, 'sample', is in 1; give the .*--step"):
         read_columns(path, "heat_flux")
     found = ppy.black_box(path, "heat_flux", step=1.0, structures=["BJ"], path_orders=[2], noise_orders=[2], delays=0)
     assert found.chosen.validation_fit >= 84.6
