@@ -9,11 +9,9 @@ solver grows with its reciprocal, so that of a ladder of steps those are best of
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from itertools import pairwise
-from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
 from typing import Any
@@ -28,6 +26,7 @@ from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model
 from orchestration.fmu.repeated import RepeatedFmu
 from orchestration.fmu.signal import Signal, Value
+from orchestration.fmu.workers import workers
 
 Array = NDArray[np.float64]
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
@@ -82,15 +81,13 @@ class FmuWithDifferences:
     def __enter__(self) -> FmuWithDifferences:
         self._fmu = self._open.enter_context(RepeatedFmu(self._path))
         if self._workers > 1:
-            pool = ProcessPoolExecutor(self._workers, get_context("spawn"), _begin, (self._path,))
-            self._open.callback(pool.shutdown, wait=False, cancel_futures=True)
-            self._pool = pool
+            self._pool = self._open.enter_context(workers(self._workers, _begin, self._path))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._open.close()
+        self._open.__exit__(kind, error, trace)
 
     def run(
         self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 0.0
@@ -123,8 +120,6 @@ class FmuWithDifferences:
         here = self._all(stimulus, [at])[0]
         if isinstance(here, UserError):
             raise here
-        scale = here.std(axis=0)
-        scale[scale == 0.0] = 1.0
         for name in self._names:
             if not self._still_holds(name, at[name]):
                 self._steps[name] = (self._size(name, at[name]), self._step(stimulus, at, here, name))

@@ -6,6 +6,7 @@ Oracles: closed forms, and the exact sensitivities of our own equations.
 from __future__ import annotations
 
 import os
+import tempfile
 from dataclasses import replace
 
 import numpy as np
@@ -116,6 +117,13 @@ def test_however_many_processes_the_values_are_the_same(lag, tmp_path):
     path = record_of(0.73, tmp_path)
     one, two = (ppy.fit(path, lag, ["tau"], workers=workers) for workers in (1, 2))
     assert one.values == two.values
+
+
+def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch):
+    (tmp_path / "t").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "t"))
+    ppy.fit(record_of(0.73, tmp_path), lag, ["tau"], workers=2)
+    assert list((tmp_path / "t").iterdir()) == []
 
 
 def test_an_fmu_with_a_noisy_solver_is_fitted(noisy, tmp_path):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import tempfile
 import time
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
 from dataclasses import replace
 from multiprocessing import active_children
 
@@ -172,14 +174,25 @@ def test_nothing_is_lost_where_a_worker_ends_before_it_is_told_anything(lag, mon
         def submit(self, *given):
             raise BrokenProcessPool
 
-        def shutdown(self, **given):
-            pass
-
-    pools = iter([Ended()])
+    pools = iter([nullcontext(Ended())])
     monkeypatch.setattr(crew, "_pool", lambda *given, known=crew._pool: next(pools, None) or known(*given))
     over = {"tau": "0.5..4:20"}
     found = ppy.sweep(lag, over, {"u": 1.0}, time=TIME, workers=2)
     assert found.identical(ppy.sweep(lag, over, {"u": 1.0}, time=TIME))
+
+
+@pytest.mark.parametrize("kills", [False, True])
+def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, kills):
+    """Not of workers that end by themselves either."""
+
+    def kill(done, whole):
+        if kills and done == 1:
+            os.kill(active_children()[0].pid, signal.SIGKILL)
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    over = {"tau": "0.5..4:40"}
+    ppy.sweep(lag, over, {"u": 1.0}, time=TIME, workers=2, engine="fmu", progress=kill)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_workers_end_with_an_interrupt(lag):
