@@ -122,6 +122,7 @@ def test_however_many_processes_the_values_are_the_same(lag, tmp_path):
 def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch):
     (tmp_path / "t").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "t"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "t"))  # for the processes
     ppy.fit(record_of(0.73, tmp_path), lag, ["tau"], workers=2)
     assert list((tmp_path / "t").iterdir()) == []
 

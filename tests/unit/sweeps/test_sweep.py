@@ -190,6 +190,7 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, kills):
             os.kill(active_children()[0].pid, signal.SIGKILL)
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))  # for the processes
     over = {"tau": "0.5..4:40"}
     ppy.sweep(lag, over, {"u": 1.0}, time=TIME, workers=2, engine="fmu", progress=kill)
     assert list(tmp_path.iterdir()) == []
