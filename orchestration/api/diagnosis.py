@@ -128,7 +128,8 @@ def diagnose(
     command = diagnosing(measured, named, judged, later, options, settings, mapping, runs)
     command += ["--fit", ",".join(fit)] if fit else []
     if later is None:
-        return DiagnosisResult(result, command=command, around=around)
+        notes = result.notes if around is None else around.of_recorded(result.notes)
+        return DiagnosisResult(replace(result, notes=notes), command=command, around=around)
     try:
         compared = before_after.compare(result, later, options, progress)
     except UnusableRecordError as error:

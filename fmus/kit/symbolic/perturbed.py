@@ -78,7 +78,8 @@ class PerturbedLaws:
 
     def _spied(self, cls: type[Component]) -> type[Component]:
         """Make a class that tells which laws and signals are asked for, and adds to the laws."""
-        own = {name for name in dir(cls) if callable(getattr(cls, name)) and not name.startswith("_")}
+        # an input that an effect changes stands in the class, and has no value there
+        own = {name for name in dir(cls) if callable(getattr(cls, name, None)) and not name.startswith("_")}
         laws = own - set(dir(Component))
 
         def get(one: Any, name: str) -> Any:

@@ -92,7 +92,7 @@ def behind(
     fitted = {p: CHANGE.format(name) for p, name in zip(fit, identifiers(tuple(fit)), strict=True)}
     found, answers = Behind(Component, names, fitted), answers or {}
     moved = [i for i in inputs if any(name == i for _, name in answers)]
-    lines = [f'    {names[n]} = Input("{_unit(s)}", doc="{_doc(s)}")' for n, s in inputs.items()]
+    lines = _inputs(names, inputs)
     lines += [
         f'    {RECORDED.format(names[i])} = Input("{_unit(inputs[i])}", doc="{i} as it was recorded")' for i in moved
     ]
@@ -118,7 +118,7 @@ def ahead(model: Model, moved: Sequence[str], stop: float, step: float) -> type[
     """Write and load the component ahead of an FMU, whose outputs are what the FMU gets of some inputs."""
     inputs = real(model.inputs)
     names = dict(zip(inputs, identifiers(tuple(inputs)), strict=True))
-    lines = [f'    {names[n]} = Input("{_unit(s)}", doc="{_doc(s)}")' for n, s in inputs.items()]
+    lines = _inputs(names, inputs)
     for i in moved:
         lines += ["", f'    @Output("{_unit(inputs[i])}")']
         lines += _law(IN_FMU.format(names[i]), f"self.{names[i]}", f"What of {i} the FMU gets.")[1:]
@@ -128,6 +128,18 @@ def ahead(model: Model, moved: Sequence[str], stop: float, step: float) -> type[
 def real(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     """Those that are real."""
     return {name: signal for name, signal in signals.items() if signal.type == "real"}
+
+
+def change_of(value: float) -> float:
+    """By how much a parameter changes where it changes by its size."""
+    return abs(value) or 1.0
+
+
+def _inputs(names: Mapping[str, str], inputs: Mapping[str, Signal]) -> list[str]:
+    """Inputs as the FMU has them, which stay at its start values where nobody sets them."""
+    return [
+        f'    {names[n]} = Input("{_unit(s)}", start={float(s.start)!r}, doc="{_doc(s)}")' for n, s in inputs.items()
+    ]
 
 
 class _Answering(NamedTuple):

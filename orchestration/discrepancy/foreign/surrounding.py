@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
-from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.foreign.component import RECORDED, Behind, behind, real
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.holdout import ValidationData
+from orchestration.discrepancy.data.records import joined_dataset
+from orchestration.discrepancy.foreign.component import RECORDED, Behind, behind, change_of, real
 from orchestration.discrepancy.foreign.response import Response, responses
+from orchestration.discrepancy.note import Note
 from orchestration.fmu.model import Model, model_of
-from orchestration.fmu.signal import Value
+from orchestration.fmu.signal import Value, numeric
 from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.identify.comparison import fit_model
 from orchestration.identify.grey_box import Fit
@@ -56,6 +59,11 @@ class Surrounded:
         """Inputs that may be others in the FMU than they were recorded, by the names of the component."""
         inputs = dict.fromkeys(name for _, name in self.answers)
         return [self.behind.names[name] for name in inputs]
+
+    def of_recorded(self, notes: Sequence[Note]) -> list[Note]:
+        """Notes without those of what was simulated, not recorded."""
+        own = {v.name for v in self.behind.cls.layout.inputs} - {*self.behind.names.values()}
+        return [note for note in notes if note.subject not in own]
 
     @property
     def at_rest(self) -> list[str]:
@@ -102,7 +110,8 @@ def surround(
     settings, fitted = dict(given), None
     if fit:
         progress(f"fitting {', '.join(fit)} of {model.path.name}")
-        fitted = fit_model(model, *_fitted_part(model, records[0], bool(holdouts) or len(records) > 1), fit, given)
+        estimation = _estimation_data(model, records[0], given, whole=bool(holdouts) or len(records) > 1)
+        fitted = fit_model(model, estimation.time, estimation.inputs, estimation.measured, fit, given)
         settings |= fitted.values
     progress(f"simulating {model.path.name}")
     time, values = records[0].time, {p: float(settings.get(p, model.parameters[p].start)) for p in fit}
@@ -120,12 +129,11 @@ def surround(
     )  # fmt: skip
 
 
-def _fitted_part(model: Model, record: Record, whole: bool) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Time, inputs and measured outputs of the part that nothing is judged by."""
-    last = len(record.time) if whole else round(len(record.time) * (1.0 - HELD_OUT))
-    parts = {n: values[:last] for n, values in record.signals.items()}
-    inputs, measured = ({n: v for n, v in parts.items() if n in of} for of in (model.inputs, model.outputs))
-    return record.time[:last], inputs, measured
+def _estimation_data(model: Model, record: Record, given: Mapping[str, Value], whole: bool) -> Dataset:
+    """What nothing is judged by; of a record with gaps what is before the first one."""
+    data = joined_dataset({"": record}, model, numeric(given))
+    fitted = data if whole else ValidationData.split(data)[0]
+    return next(iter(fitted.apart().values()))
 
 
 def _fed(record: Record, model: Model, settings: Mapping[str, Value]) -> dict[str, Array]:
@@ -147,7 +155,6 @@ def _wrapped(
     known = {v.name for v in found.cls.layout.inputs}
     signals |= {recorded: fed[i] for i in fed if (recorded := RECORDED.format(found.names.get(i, ""))) in known}
     for k, (p, value) in enumerate(values.items()):
-        size = abs(value) or 1.0
-        signals |= {found.slope(o, p): ran.sensitivities[o][:, k] * size for o in measured}
+        signals |= {found.slope(o, p): ran.sensitivities[o][:, k] * change_of(value) for o in measured}
     units = {v.name: v.unit for v in found.cls.layout.variables}
     return replace(record, signals=signals, units={name: units[name] for name in signals})

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from fmus.kit import Component, Effect, stack
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.foreign.component import IN_FMU, ahead, behind
+from orchestration.discrepancy.foreign.component import IN_FMU, ahead, behind, change_of
 from orchestration.discrepancy.foreign.surrounding import Surrounded
 from orchestration.fmu.signal import Value
 from orchestration.system.model import Connection, Member, Port, System
@@ -92,6 +92,6 @@ def _parameters(around: Surrounded, fitted: Mapping[str, float]) -> dict[str, Va
     for name, change in around.behind.fitted.items():
         declared = around.original.parameters[name]
         value = float(values.get(name, declared.start))
-        moved = value + fitted[change] * (abs(value) or 1.0)
+        moved = value + fitted[change] * change_of(value)
         values[name] = min(max(moved, declared.min), declared.max)
     return values

@@ -5,13 +5,17 @@ The oracle is what was done to a lag whose closed form is known; SciPy's filter 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 import orchestration as ppy
 from fmus.kit import UserError
+from orchestration.discrepancy.foreign.component import behind
 from orchestration.discrepancy.foreign.response import responses
+from orchestration.discrepancy.foreign.surrounding import surround
 from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.system.ssp.reading import read as read_ssp
 from tests.support.command import refused, works
@@ -153,6 +157,25 @@ def test_the_response_is_that_of_the_lag(lag):
     assert found.a == pytest.approx(np.array([[-1.0 / TAU]]), rel=1e-6)
     assert found.b * found.c == pytest.approx([1.0 / TAU], rel=1e-6)
     assert found.fit > 99.9
+
+
+def test_the_first_fit_sees_nothing_of_what_is_held_out(folder, lag):
+    """Where the end of a record is at rest, blocks all over it are held out."""
+    u = np.where(0.6 * TIME[-1] > TIME, U, 0.0)
+    block = 15 * np.arange(len(TIME)) // len(TIME)
+    fits = []
+    for name, spoilt in (("as_it_is.csv", 0.0), ("spoilt.csv", 0.1)):
+        y = lagged(u) + np.random.default_rng(4).normal(0.0, 0.02, len(TIME)) + spoilt * (block % 3 == 1)
+        np.savetxt(folder / name, np.column_stack([TIME, u, y]), delimiter=",", header="time,u,x", comments="")
+        record = ppy.read_record(folder / name, lag)
+        fits.append(surround(lag, [record], [], {}, ["tau"]).fit.values["tau"])
+    assert fits[0] == fits[1]
+    assert fits[0] == pytest.approx(TAU, rel=0.01)
+
+
+def test_an_input_that_nobody_recorded_stays_as_the_fmu_starts(lag):
+    started = replace(lag, inputs={"u": replace(lag.inputs["u"], start=0.7)})
+    assert {v.name: v.start for v in behind(started, ["x"], [], 1.0, 0.1).cls.layout.inputs}["u"] == 0.7
 
 
 def test_the_command_writes_page_figures_and_system(folder, bent):

@@ -13,6 +13,7 @@ from fmus.foot.model import FootDynamic
 from fmus.galvanostat.model import Galvanostat
 from fmus.kit import Component, Discrete, Input, Output, Parameter, State, cos, exp, sin, stack
 from fmus.kit.curves import curve
+from fmus.kit.inputs import input_saturation
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
@@ -187,6 +188,13 @@ def test_jacobians_of_effects_laid_over():
     laws = check_against_differences(cls)
     added = {law for law in laws.names if law not in PerturbedLaws(PpyActuator).names}
     assert added, "the rate of the layer's state at least"
+
+
+def test_jacobians_of_an_input_that_arrives_as_another():
+    """What an effect makes of an input is what the laws see; the input itself is no law."""
+    level = input_saturation(Chain, "drive")
+    laws = check_against_differences(stack(Chain, level, defaults={level.neutral: 0.8}))
+    assert laws.names == PerturbedLaws(Chain).names
 
 
 def test_values_are_those_of_the_laws():
