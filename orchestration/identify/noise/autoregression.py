@@ -90,7 +90,7 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
         As of :func:`autoregression`.
     """
     best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
-    if covariance[0] <= 0.0:
+    if not 0.0 < covariance[0] < np.inf:  # a simulation that ran away leaves squares beyond what numbers hold
         return best
     least = n * np.log(covariance[0])
     for order in range(1, len(covariance)):
