@@ -33,17 +33,19 @@ class Prepared:
     """
 
     def __init__(self, fmu: Fmu, course: Course, outputs: Sequence[str], pulse: Pulse | None = None):
-        self._fmu, self._pulse = fmu, pulse
+        self._fmu = fmu
         self._result = np.empty((len(course.time), len(outputs)))
         self._program = Program()
         for part in course.parts:
             _add_part(self._program, fmu, course, part)
-        self._before_first = len(self._program.operations)  # nothing leads to the first point
+        before_first = len(self._program.operations)  # nothing leads to the first point
         at_point = _Failures(fmu, course.time, course.inputs, course.table, at_point=True)
         _add_setting(self._program, fmu, course.inputs, course.table, at_point.setting)
         _add_moves(self._program, fmu, "Get", outputs, self._result, at_point.reading(outputs))
-        self._columns = _reals_first(fmu, outputs)
+        columns = _reals_first(fmu, outputs)
+        self._order = None if columns == sorted(columns) else np.argsort(columns)
         self._program.hold(course)  # whose times it points to
+        self._execution = Execution(self._program, skipped=before_first, pulse=pulse)
 
     def run(self, progress: Callable[[int], None] = lambda done: None, every: int = 0) -> Array:
         """Carry it out with the instance as it was started.
@@ -60,8 +62,8 @@ class Prepared:
         ndarray, shape (n, outputs)
             Overwritten by the next run where the outputs are all real.
         """
-        points = len(self._result)
-        execution = Execution(self._program, skipped=self._before_first, pulse=self._pulse)
+        points, execution = len(self._result), self._execution
+        execution.again()
         with execution:
             try:
                 for k in range(0, points if every else 0, max(1, every)):
@@ -70,7 +72,7 @@ class Prepared:
                 _carry_on(execution, points)
             finally:
                 self._fmu.warnings += int(execution.warnings[0])
-        return self._result if self._columns == sorted(self._columns) else self._result[:, np.argsort(self._columns)]
+        return self._result if self._order is None else self._result[:, self._order]
 
 
 def stepped(fmu: Fmu, course: Course, outputs: Sequence[str], progress: Callable[[int], None], every: int) -> Array:

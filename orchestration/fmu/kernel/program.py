@@ -185,6 +185,7 @@ class Execution:
             raise RuntimeError("there is no stepping kernel")
         self._run, self._here = run, ctypes.byref(self._progress)
         self._pulse, self._felt = pulse, ExitStack()
+        self._begins_with = (first, skipped)
 
     def __enter__(self) -> Execution:
         pulse = self._pulse or self._felt.enter_context(Pulse())
@@ -208,6 +209,13 @@ class Execution:
     def kept(self) -> int:
         """How many rows were kept since `rewind`."""
         return self._progress.row
+
+    def again(self) -> None:
+        """Carry it out from where it began; nothing is counted yet."""
+        progress = self._progress
+        progress.point, progress.position = self._begins_with
+        progress.row = progress.interrupted = 0
+        self.seconds[:], self.warnings[:] = 0.0, 0
 
     def rewind(self) -> None:
         """Keep the next row as the first."""
