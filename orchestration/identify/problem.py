@@ -279,8 +279,9 @@ class Problem:
         return sum(int(p.sum()) for p in self.present.values())
 
     def values(self, q: Array) -> dict[str, float]:
-        """Searched parameters by name."""
-        return {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
+        """Searched parameters by name; at the end of its range one is not beyond it, as a logarithm's rounding has it."""
+        found = {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
+        return {n: min(max(value, self.declared[n].min), self.declared[n].max) for n, value in found.items()}
 
     def intervals(self, q: Array, standard_errors: Array) -> dict[str, tuple[float, float]]:
         """95 % confidence intervals of searched parameters by name; their ends are open where an error is infinite."""

@@ -435,3 +435,34 @@ def test_correlations_are_those_of_least_squares(alike):
     assert value == pytest.approx(exact[0, 1] / np.sqrt(exact[0, 0] * exact[1, 1]), abs=0.06)
     assert (("a", "b") in found.coupled) is (alike > 0.9)
     assert found.to_dict()["correlations"][0]["between"] == ["a", "b"]
+
+
+class Gain(Component):
+    """Two gains whose ranges end at numbers that the exponential of their logarithm misses."""
+
+    name = "gain"
+
+    low = Parameter(1.0, "1", min=1e-5, max=10.0)
+    high = Parameter(1.0, "1", min=1e-5, max=10.0)
+    u = Input("1")
+
+    @Output("1")
+    def y(self):
+        """Of one."""
+        return self.low * self.u
+
+    @Output("1")
+    def z(self):
+        """Of the other."""
+        return self.high * self.u
+
+
+def test_what_ends_at_the_end_of_its_range_is_not_beyond_it():
+    """An FMU refuses a value that is beyond by the rounding of a logarithm."""
+    assert np.exp(np.log(1e-5)) < 1e-5
+    assert np.exp(np.log(10.0)) > 10.0
+    time = 0.1 * np.arange(200)
+    u, rng = np.sin(time), np.random.default_rng(1)
+    measured = {"y": 1e-9 * u + 1e-7 * rng.standard_normal(200), "z": 1e3 * u + 0.1 * rng.standard_normal(200)}
+    found = fit(Gain, time, {"u": u}, measured, ["low", "high"])
+    assert found.values == {"low": 1e-5, "high": 10.0}
