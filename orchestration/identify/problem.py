@@ -279,7 +279,7 @@ class Problem:
         return sum(int(p.sum()) for p in self.present.values())
 
     def values(self, q: Array) -> dict[str, float]:
-        """Searched parameters by name; at the end of its range one is not beyond it, as a logarithm's rounding has it."""
+        """Searched parameters by name, none of them beyond its range by the rounding of a logarithm."""
         found = {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
         return {n: min(max(value, self.declared[n].min), self.declared[n].max) for n, value in found.items()}
 
