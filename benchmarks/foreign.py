@@ -1,0 +1,141 @@
+"""FMUs without equations: what a diagnosis from outside says of records with one hidden effect, and with none.
+
+`python -m benchmarks.foreign --records 24 --clean 24 --seed 1` draws records as `benchmarks.hidden` and
+`benchmarks.clean` do, builds the native FMU of the model under test, and gives it away without its class, so that it is
+anybody's FMU. All parameters that are not known are fitted from outside. What is inside an FMU can be told from outside
+as a correction only; so that what counts is whether it is right to tell anything, and what that gains on data that no
+fit has seen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time as clock
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+import orchestration as ppy
+from benchmarks.answers import LEAST
+from benchmarks.clean import ROOT, Row, grouped, settings_of, share
+from benchmarks.kept import add_options, among, judged
+from benchmarks.tables import Table, Topic
+from fmus.kit.errors import UserError
+from orchestration.fmu.model import find_model
+from tests.support.clean.records import Case, CleanRecord, draw
+from tests.support.clean.records import cases as clean_cases
+from tests.support.hidden.plants import USUAL
+from tests.support.hidden.records import HiddenCase, draw_hidden, left
+from tests.support.hidden.records import cases as hidden_cases
+
+PAGE = ROOT / "docs" / "foreign-fmus.md"
+NONE = "nothing"
+_HALF = 0.5
+_HEAD = """# What is told of FMUs without equations
+
+Drawn by `python -m benchmarks.foreign {asked}`, a seed that was not looked at before.
+The generators share no code with what they judge; the FMUs are native ones, given away without what tells of their
+classes. A third of every record is held out. What an effect inside an FMU is called cannot be known from outside: what
+is told is a correction of an input, of an output or by a sensor, with its gain.
+
+"""
+
+
+def judge_clean(case: Case) -> Row:
+    """Diagnose a record in which nothing is hidden."""
+    return asdict(case) | {"family": NONE} | _told(draw(case))
+
+
+def judge_hidden(case: HiddenCase) -> Row:
+    """Diagnose a record with an effect that leaves enough after a refit of the base."""
+    drawn = draw_hidden(case)
+    row = asdict(case) | {"family": case.variation.family, "widths": left(drawn)}
+    return row | (_told(drawn) if row["widths"] >= LEAST else {"verdict": ""})
+
+
+def _told(drawn: CleanRecord) -> Row:
+    model = replace(find_model(drawn.plant.model), cls=None)
+    fit = [n for n in drawn.plant.nominal if n not in drawn.plant.known and n in model.parameters]
+    began = clock.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        path = drawn.write(Path(folder) / "record.csv")
+        try:
+            found = ppy.diagnose(path, model, settings=settings_of(drawn), fit=fit)
+        except UserError as error:
+            return {"verdict": "refused", "why": str(error), "causes": []}
+    outputs = found.gain.before
+    return {
+        "verdict": str(found.verdict), "causes": found.causes, "seconds": clock.process_time() - began,
+        "left": float(np.mean([found.gain.after[o] / outputs[o] for o in outputs if outputs[o] > 0.0])),
+    }  # fmt: skip
+
+
+def _said(row: Row) -> str:
+    if not row["verdict"]:
+        return f"not counted: {row['widths']:.1f} noise widths"
+    told = ", ".join(row["causes"]) or row.get("why", "nothing named")
+    return f"{row['verdict']}, {told}" + (f", error to {100 * row['left']:.0f} %" if "left" in row else "")
+
+
+def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
+    """Tables of what was told, and what it gained."""
+    counted = [row for row in hidden if row["verdict"]]
+    answered = [row for row in clean if row["verdict"] != "refused"]
+    false = sum(bool(row["causes"]) for row in answered)
+    rows = []
+    for family, these in grouped([*answered, *counted], "family").items():
+        lefts = [row["left"] for row in these if "left" in row]
+        told = sorted({cause for row in these for cause in row["causes"]})
+        rows.append([
+            family, len(these), sum(bool(row["causes"]) for row in these), sum(x < _HALF for x in lefts),
+            float(np.median(lefts)) if lefts else float("nan"), ", ".join(told),
+        ])  # fmt: skip
+    inside = [row for row in counted if "left" in row]
+    parts: list[str | Table] = [
+        f"Nothing hidden: a cause is named in {share(false, len(answered))} of {len(answered)}; "
+        f"{len(clean) - len(answered)} refused.",
+        f"Something hidden, at least {LEAST:g} noise widths of it left after a refit of the base: {len(counted)} of "
+        f"{len(hidden)}, {len(counted) - len(inside)} of these refused. A cause is named in "
+        f"{share(sum(bool(r['causes']) for r in inside), len(inside))}; the error on data that no fit has seen is at "
+        f"least halved in {share(sum(r['left'] < _HALF for r in inside), len(inside))}.",
+        Table(["hidden", "records", "with a cause", "halved", "error left, median", "told"], rows),
+    ]
+    seconds = [row["seconds"] for row in (*clean, *inside) if "seconds" in row]
+    if seconds:
+        parts.append(f"Processor time of a diagnosis: median {np.median(seconds):.0f} s.")
+    refused = [[_name(row), row["why"]] for row in (*clean, *counted) if row["verdict"] == "refused"]
+    return Topic("FMUs without equations", [*parts, *([Table(["refused", "why"], refused)] if refused else [])])
+
+
+def _name(row: Row) -> str:
+    return f"{row['plant']}, {row['family']}, {row['stimulus']}, {row['noise']}"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.foreign", description=__doc__.split("\n\n")[0])
+    add_options(parser, 24, "foreign")
+    parser.add_argument("--clean", type=int, default=24, help="records in which nothing is hidden")
+    parser.add_argument("--out", type=Path, help="page to write")
+    chosen = parser.parse_args(arguments)
+    kept = chosen.kept or ROOT / "build" / "foreign" / f"{chosen.seed}.jsonl"
+    clean = among(clean_cases(chosen.clean, chosen.seed), chosen)
+    hidden = among(hidden_cases(chosen.records, chosen.seed, USUAL), chosen)
+    progress = lambda line: print(line, flush=True)  # noqa: E731
+    beside = kept.with_stem(f"{kept.stem}-clean")
+    text = str(report(judged(clean, beside, judge_clean, _said, progress),
+                      judged(hidden, kept, judge_hidden, _said, progress)))  # fmt: skip
+    print("\n" + text)
+    if chosen.out is not None:
+        asked = f"--records {chosen.records} --clean {chosen.clean} --seed {chosen.seed}"
+        asked += "".join(
+            f" --{name} {' '.join(words)}" for name in ("only", "without") if (words := getattr(chosen, name))
+        )
+        chosen.out.write_text(_HEAD.format(asked=asked) + text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
