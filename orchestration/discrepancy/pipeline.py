@@ -193,7 +193,9 @@ def _judged(
     if chosen.time is not None and not chosen.time > 0.0:
         raise UserError(f"time: {chosen.time:g} s is no time; inf is without limit")
     if model.cls is None:
-        raise UserError(f"{model.name} is an FMU without equations; name a component or file.py:Class")
+        raise UserError(
+            f"{model.name} is an FMU without equations; name a component or file.py:Class, or ask ppy diagnose what it lacks from outside"
+        )
     _check_names(chosen, model)
     records, holdouts = _listed(record), _listed(holdout)
     every = (*records, *holdouts)
