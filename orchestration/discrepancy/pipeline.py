@@ -194,7 +194,7 @@ def _judged(
         raise UserError(f"time: {chosen.time:g} s is no time; inf is without limit")
     if model.cls is None:
         raise UserError(
-            f"{model.name} is an FMU without equations; name a component or file.py:Class, or ask ppy diagnose what it lacks from outside"
+            f"{model.name} is an FMU without equations; name a component or file.py:Class, or ask ppy diagnose about it"
         )
     _check_names(chosen, model)
     records, holdouts = _listed(record), _listed(holdout)
