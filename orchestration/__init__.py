@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from orchestration.api.simulation import simulate
     from orchestration.api.sweeping import sweep, sweep_file
     from orchestration.fmu.model import find_model
+    from orchestration.sweeps.sensitivity.indices import sensitivity
+    from orchestration.sweeps.sensitivity.tornado import tornado
     from orchestration.system.model import System
 
 _HOME = {
@@ -37,14 +39,16 @@ _HOME = {
     "laws": "orchestration.api.laws",
     "read_record": "orchestration.api.records",
     "run": "orchestration.api.runs",
+    "sensitivity": "orchestration.sweeps.sensitivity.indices",
     "simulate": "orchestration.api.simulation",
     "sweep": "orchestration.api.sweeping",
     "sweep_file": "orchestration.api.sweeping",
+    "tornado": "orchestration.sweeps.sensitivity.tornado",
     "System": "orchestration.system.model",
 }
 __all__ = [
     "System", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run",
-    "simulate", "sweep", "sweep_file",
+    "sensitivity", "simulate", "sweep", "sweep_file", "tornado",
 ]  # fmt: skip
 
 

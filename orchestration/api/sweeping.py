@@ -16,8 +16,10 @@ from orchestration.fmu.model import Model
 from orchestration.sweeps.compiled import chosen
 from orchestration.sweeps.design import design
 from orchestration.sweeps.ranges import given_range, read_range
-from orchestration.sweeps.reductions import checked
+from orchestration.sweeps.reductions import TRACE, checked
 from orchestration.sweeps.run import run
+from orchestration.sweeps.sensitivity.analysis import analysis_of
+from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
 from orchestration.sweeps.task import Task
 
 if TYPE_CHECKING:
@@ -55,10 +57,10 @@ def sweep(
     over : Mapping of str to str or sequence of float
         What each parameter, or held input, goes through: ``"0.3..0.7:41"``, ``"1e-3..1e-1:7 log"``,
         ``"6.3 N/mm, 9 N/mm"``, or values in the model's unit; ``"0.3..0.7"`` for a design that chooses them.
-    kind : {"grid", "list", "latin-hypercube", "sobol"}
-        Design.
+    kind : {"grid", "list", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
+        Design; `sensitivity` and `tornado` tell what the last two come to.
     samples, seed : int
-        Of the last two.
+        Of those that choose values; of ``sobol-indices`` as many cases for each parameter, and twice as many besides.
     outputs : sequence of str
         All unless given.
     keep : sequence of str
@@ -105,9 +107,14 @@ def sweep(
     ranges = [
         read_range(f"{n}={v}", subject) if isinstance(v, str) else given_range(n, v, subject) for n, v in over.items()
     ]
-    cases = design(ranges, kind, samples, seed)
     points, fed = stimulus(subject, inputs or {}, time, stop, step)
-    given = values_of(subject, settings)
+    given, starts = values_of(subject, settings), {}
+    if kind == TORNADO:  # what is set is where the others stay
+        known = {**subject.parameters, **subject.inputs}
+        starts = {one.name: float(given.pop(one.name, known[one.name].start)) for one in ranges}
+    cases = design(ranges, kind, samples, seed, starts)
+    if analysis_of(kind) is not None and not {*checked(keep)} - {TRACE}:
+        raise UserError(f"--keep {TRACE}: --design {kind} asks for numbers, such as last")
     twice = next((n for n in cases.names if n in given or n in fed), None)
     if twice is not None:
         raise UserError(f"{twice} is swept, and set to one value besides")

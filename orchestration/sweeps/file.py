@@ -20,6 +20,7 @@ from orchestration.experiment.subject import subject
 from orchestration.experiment.values import Table
 from orchestration.fmu.model import Model, find_model
 from orchestration.fmu.signal import Value
+from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
 
 Array = NDArray[np.float64]
 ENDINGS = (".toml",)
@@ -83,7 +84,9 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> A
     if not path.is_file():
         raise UserError(f"{where}: {'a folder' if path.is_dir() else 'no such file'}")
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
-    experiment = _without(_experiment(table.experiment, path), table.over)
+    # of a tornado what the experiment has is where the others stay
+    replaced = {} if table.design == TORNADO else table.over
+    experiment = _without(_experiment(table.experiment, path), replaced)
     if experiment.component is None:
         raise UserError(f"{where}: a sweep is of a component or an FMU, and {experiment.system} is a system")
     if experiment.noise:
@@ -92,7 +95,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> A
         left = {name: signal for name, signal in on.inputs.items() if name not in table.over}
         prepared = prepare(experiment, replace(on, inputs=left), where, note)
     over = {name: v if isinstance(v, str) else ", ".join(map(str, v)) for name, v in table.over.items()}
-    settings = {name: value for name, value in prepared.settings.items() if name not in table.over}
+    settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
     model = find_model(experiment.component, experiment.runtime, experiment.effects)
     return Asked(table, model, over, prepared.time, prepared.inputs, settings, prepared.record)
 

@@ -127,7 +127,7 @@ def dataset(
         for k, (one, column) in enumerate(zip(cases.ranges, cases.cases.T, strict=True))
     }
     clock = {"time": ("time", task.time, {"units": "s", "long_name": "time"})} if TRACE in task.keep else {}
-    return xarray.Dataset(values, {**coordinates, **clock}, {"design": cases.kind})
+    return xarray.Dataset(values, {**coordinates, **clock}, {"design": cases.kind, "over": " ".join(cases.names)})
 
 
 def _about(signal: Signal) -> dict[str, str]:

@@ -30,10 +30,12 @@ Over = Annotated[
 ]
 DesignKind = Annotated[
     str,
-    typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol."),
-]
-Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of the last two.")]
-Seed = Annotated[int, typer.Option("--seed", help="Of the last two.")]
+    typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol; "
+                 "sobol-indices, tornado: which parameters matter."),
+]  # fmt: skip
+Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of latin-hypercube and sobol; of "
+                                       "sobol-indices for each parameter, and twice as many.")]  # fmt: skip
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is chosen at random.")]
 Kept = Annotated[str | None, option("--outputs", help="Which outputs are kept, e.g. voltage,charge.")]
 Keep = Annotated[
     str, typer.Option("--keep", help="What of each: last, smallest, largest, mean, rms, trace (all of it).")
@@ -75,9 +77,9 @@ def sweep(
 ) -> None:
     """Run a component or any FMU over many values of its parameters, or a sweep that a TOML file describes."""
     from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
-    from orchestration.reporting.console import progress, wrote
+    from orchestration.reporting import console, pictures
     from orchestration.sweeps import picture
+    from orchestration.sweeps.sensitivity.analysis import analysis_of, together
 
     Outputs(
         {"the model": model_file(model)}, {"--out": out, "--plot": plot}, {"--out": _NETCDF, "--plot": pictures.FORMATS}
@@ -93,15 +95,24 @@ def sweep(
             "outputs": comma_list(outputs), "keep": comma_list(keep),
         }  # fmt: skip
         work = _of_options(model, over or [], runtime, comma_list(effects), settings or [], preset, what)
-    with progress() as tell:
+    with console.progress() as tell:
         tell(f"sweeping {model}")
         data = work(progress=tell.done, **how)
     _show(data)
-    if out is not None:
-        _keep(data, out, folder)
+    analysis = analysis_of(data.attrs["design"])
+    shown, whole = data, data
+    draw: Callable[[xarray.Dataset, Path], None] = picture.draw
+    try:
+        if analysis is not None:
+            shown, draw = analysis.analyse(data), analysis.draw
+            console.out.print(analysis.table(shown))
+            whole = together(data, shown)
+    finally:  # cases are kept where there is nothing to be said of them
+        if out is not None:
+            _keep(whole, out, folder)
     if plot is not None:
-        picture.draw(data, plot)
-        wrote(plot)
+        draw(shown, plot)
+        console.wrote(plot)
 
 
 def _of_options(
@@ -111,10 +122,12 @@ def _of_options(
     """Say what is run as options do."""
     from orchestration.api.sweeping import sweep as work
     from orchestration.cli.models import open_model
+    from orchestration.sweeps.sensitivity import tornado
 
     opened, named = open_model(model, runtime, effects), _named(over)
     # what is swept goes through its values whatever a preset has for it
-    usual = {name: value for name, value in opened.settings([], preset).items() if name not in named}
+    kept = what["kind"] == tornado.KIND  # where the others stay meanwhile
+    usual = {name: value for name, value in opened.settings([], preset).items() if kept or name not in named}
     given = usual | opened.settings(settings)
     return lambda **how: work(opened, named, settings=given, **what, **how)
 
