@@ -24,11 +24,13 @@ if TYPE_CHECKING:
     from orchestration.api.simulation import simulate
     from orchestration.api.sweeping import sweep, sweep_file
     from orchestration.fmu.model import find_model
+    from orchestration.sweeps.sensitivity.bands import bands
     from orchestration.sweeps.sensitivity.indices import sensitivity
     from orchestration.sweeps.sensitivity.tornado import tornado
     from orchestration.system.model import System
 
 _HOME = {
+    "bands": "orchestration.sweeps.sensitivity.bands",
     "black_box": "orchestration.api.black_box",
     "build": "orchestration.api.models",
     "check": "orchestration.api.models",
@@ -47,8 +49,8 @@ _HOME = {
     "System": "orchestration.system.model",
 }
 __all__ = [
-    "System", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run",
-    "sensitivity", "simulate", "sweep", "sweep_file", "tornado",
+    "System", "bands", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record",
+    "run", "sensitivity", "simulate", "sweep", "sweep_file", "tornado",
 ]  # fmt: skip
 
 

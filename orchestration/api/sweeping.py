@@ -16,9 +16,9 @@ from orchestration.fmu.model import Model
 from orchestration.sweeps.compiled import chosen
 from orchestration.sweeps.design import design
 from orchestration.sweeps.ranges import given_range, read_range
-from orchestration.sweeps.reductions import TRACE, checked
+from orchestration.sweeps.reductions import KEPT, TRACE, checked
 from orchestration.sweeps.run import run
-from orchestration.sweeps.sensitivity.analysis import analysis_of
+from orchestration.sweeps.sensitivity.indices import KIND as SOBOL_INDICES
 from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
 from orchestration.sweeps.task import Task
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 def sweep(
     model: Model | type[Component] | str,
-    over: Mapping[str, str | Sequence[float]],
+    over: Mapping[str, str | Sequence[float] | Array],
     inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]] | None = None,
     *,
     time: ArrayLike | None = None,
@@ -41,7 +41,7 @@ def sweep(
     samples: int | None = None,
     seed: int = 0,
     outputs: Sequence[str] = (),
-    keep: Sequence[str] = ("last", "smallest", "largest"),
+    keep: Sequence[str] = KEPT,
     engine: str = "auto",
     workers: int = 1,
     scheduler: str | None = None,
@@ -57,8 +57,9 @@ def sweep(
     over : Mapping of str to str or sequence of float
         What each parameter, or held input, goes through: ``"0.3..0.7:41"``, ``"1e-3..1e-1:7 log"``,
         ``"6.3 N/mm, 9 N/mm"``, or values in the model's unit; ``"0.3..0.7"`` for a design that chooses them.
-    kind : {"grid", "list", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
-        Design; `sensitivity` and `tornado` tell what the last two come to.
+    kind : {"grid", "list", "draws", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
+        Design; `sensitivity` and `tornado` tell what the last two come to, and `bands` what cases come to that were
+        drawn at random, such as those of ``fit(...).draws(200)``.
     samples, seed : int
         Of those that choose values; of ``sobol-indices`` as many cases for each parameter, and twice as many besides.
     outputs : sequence of str
@@ -113,7 +114,7 @@ def sweep(
         known = {**subject.parameters, **subject.inputs}
         starts = {one.name: float(given.pop(one.name, known[one.name].start)) for one in ranges}
     cases = design(ranges, kind, samples, seed, starts)
-    if analysis_of(kind) is not None and not {*checked(keep)} - {TRACE}:
+    if kind in (SOBOL_INDICES, TORNADO) and not {*checked(keep)} - {TRACE}:
         raise UserError(f"--keep {TRACE}: --design {kind} asks for numbers, such as last")
     twice = next((n for n in cases.names if n in given or n in fed), None)
     if twice is not None:
@@ -168,7 +169,7 @@ def sweep_file(
     asked = read_sweep(Path(path), note)
     table = asked.table
     return sweep(
-        asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=table.design,
-        samples=table.samples, seed=table.seed, outputs=asked.outputs, keep=table.keep, engine=engine, workers=workers,
+        asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=asked.kind,
+        samples=asked.samples, seed=table.seed, outputs=asked.outputs, keep=asked.keep, engine=engine, workers=workers,
         scheduler=scheduler, folder=folder, progress=progress,
     ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip

@@ -11,10 +11,10 @@ from scipy.stats import qmc
 
 from fmus.kit.errors import UserError
 from orchestration.sweeps.ranges import Range
-from orchestration.sweeps.sensitivity import indices, tornado
+from orchestration.sweeps.sensitivity import bands, indices, tornado
 
 Array = NDArray[np.float64]
-GIVEN, SAMPLED = ("grid", "list"), ("latin-hypercube", "sobol", indices.KIND)
+GIVEN, SAMPLED = ("grid", "list", bands.KIND), ("latin-hypercube", "sobol", indices.KIND)
 DESIGNS = (*GIVEN, *SAMPLED, tornado.KIND)
 MOST = 100_000_000  # cases
 
@@ -25,7 +25,7 @@ class Design:
 
     Attributes
     ----------
-    kind : {"grid", "list", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
+    kind : {"grid", "list", "draws", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
     ranges : tuple of Range
         One for each of p parameters.
     cases : ndarray, shape (n, p)
@@ -56,8 +56,9 @@ def design(
     Parameters
     ----------
     ranges : sequence of Range
-    kind : {"grid", "list", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
-        Every value with every other; the first values of all parameters, then the second ones, and so on; or points
+    kind : {"grid", "list", "draws", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
+        Every value with every other; the first values of all parameters, then the second ones, and so on, by choice or
+        drawn at random; or points
         between the ends of the ranges, one in each of as many equal parts of every parameter (McKay, Beckman, Conover,
         Technometrics 21, 1979), or of low discrepancy (Sobol, with Owen's scrambling), or such from which indices of
         Sobol can be told; or each by itself at the ends of its range, the others at their start value.
@@ -107,9 +108,9 @@ def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
     if open_ended:
         raise UserError(f"--over {open_ended} names no count of values, as in 0.3..0.7:41, which a {kind} needs")
     lengths = [len(one.values) for one in ranges]
-    if kind == "list" and len(set(lengths)) > 1:
+    if kind != "grid" and len(set(lengths)) > 1:
         told = ", ".join(f"{one.name} {n}" for one, n in zip(ranges, lengths, strict=True))
-        raise UserError(f"--design list takes as many values of every parameter, not {told}")
+        raise UserError(f"--design {kind} takes as many values of every parameter, not {told}")
     for one in ranges if kind == "grid" else ():
         several, counts = np.unique(one.values, return_counts=True)
         if len(several) < len(one.values):

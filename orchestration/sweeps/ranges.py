@@ -77,7 +77,7 @@ def read_range(text: str, model: Model) -> Range:
     return _divided(name, signal, (low, high), found["count"], bool(found["log"]), text)
 
 
-def given_range(name: str, values: Sequence[float], model: Model) -> Range:
+def given_range(name: str, values: Sequence[float] | Array, model: Model) -> Range:
     """Take values as they are, which costs nothing for a million of them.
 
     Parameters

@@ -16,9 +16,10 @@ from orchestration.cli.outputs import Outputs
 if TYPE_CHECKING:
     import xarray
 
+    from orchestration.sweeps.fitted import Fitted
+
 _NETCDF, _TOML = (".nc",), (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
-_KEEP = "last,smallest,largest"
 Over = Annotated[
     list[str] | None,
     option(
@@ -37,8 +38,17 @@ Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of 
                                        "sobol-indices for each parameter, and twice as many.")]  # fmt: skip
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is chosen at random.")]
 Kept = Annotated[str | None, option("--outputs", help="Which outputs are kept, e.g. voltage,charge.")]
+FittedFile = Annotated[
+    Path | None,
+    option(
+        "--fitted",
+        metavar="FILE",
+        help="Draw parameters from a fit (ppy identify --json): --samples of them, and bands of the outputs.",
+    ),
+]
 Keep = Annotated[
-    str, typer.Option("--keep", help="What of each: last, smallest, largest, mean, rms, trace (all of it).")
+    str | None,
+    option("--keep", help="What of each: last,smallest,largest as a rule, mean, rms, trace (all of it; of --fitted)."),
 ]
 Engine = Annotated[
     str,
@@ -59,10 +69,11 @@ def sweep(
     model: Model,
     over: Over = None,
     design: DesignKind = "grid",
+    fitted: FittedFile = None,
     samples: Samples = None,
     seed: Seed = 0,
     outputs: Kept = None,
-    keep: Keep = _KEEP,
+    keep: Keep = None,
     effects: With = None,
     settings: Set = None,
     preset: Preset = None,
@@ -82,7 +93,9 @@ def sweep(
     from orchestration.sweeps.sensitivity.analysis import analysis_of, together
 
     Outputs(
-        {"the model": model_file(model)}, {"--out": out, "--plot": plot}, {"--out": _NETCDF, "--plot": pictures.FORMATS}
+        {"the model": model_file(model), "the fit": fitted},
+        {"--out": out, "--plot": plot},
+        {"--out": _NETCDF, "--plot": pictures.FORMATS},
     ).check()
     folder = out and out.with_name(f"{out.name}.part")
     how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder}
@@ -91,8 +104,8 @@ def sweep(
         work = _of_file(Path(model))
     else:
         what = {
-            "stop": stop, "step": step, "kind": design, "samples": samples, "seed": seed,
-            "outputs": comma_list(outputs), "keep": comma_list(keep),
+            "stop": stop, "step": step, "kind": design, "samples": samples, "seed": seed, "fitted": fitted,
+            "outputs": comma_list(outputs), "keep": comma_list(keep) if keep is not None else None,
         }  # fmt: skip
         work = _of_options(model, over or [], runtime, comma_list(effects), settings or [], preset, what)
     with console.progress() as tell:
@@ -122,14 +135,34 @@ def _of_options(
     """Say what is run as options do."""
     from orchestration.api.sweeping import sweep as work
     from orchestration.cli.models import open_model
+    from orchestration.reporting.console import note
+    from orchestration.sweeps.fitted import read_fitted
+    from orchestration.sweeps.reductions import KEPT
     from orchestration.sweeps.sensitivity import tornado
 
-    opened, named = open_model(model, runtime, effects), _named(over)
+    opened, fitted = open_model(model, runtime, effects), what.pop("fitted")
+    fit = None if fitted is None else read_fitted(fitted, opened)
+    named: dict[str, Any] = _named(over) if fit is None else _drawn(fit, over, what)
+    what["keep"] = [*KEPT] if what["keep"] is None else what["keep"]
     # what is swept goes through its values whatever a preset has for it
     kept = what["kind"] == tornado.KIND  # where the others stay meanwhile
     usual = {name: value for name, value in opened.settings([], preset).items() if kept or name not in named}
     given = usual | opened.settings(settings)
+    for line in [] if fit is None else fit.differences(given):
+        note(line)
     return lambda **how: work(opened, named, settings=given, **what, **how)
+
+
+def _drawn(fit: Fitted, over: list[str], what: dict[str, Any]) -> dict[str, Any]:
+    """Draw parameters from a fit in place of those that options name, and keep traces, which bands are of."""
+    from orchestration.sweeps.reductions import TRACE
+    from orchestration.sweeps.sensitivity.bands import KIND
+
+    if over or what["kind"] != "grid":
+        raise UserError(f"--fitted {fit.path}: parameters are drawn from it; leave out --over and --design")
+    drawn = fit.draws(what["samples"], what["seed"])
+    what.update(kind=KIND, samples=None, keep=[TRACE] if what["keep"] is None else what["keep"])
+    return drawn
 
 
 def _of_file(path: Path) -> Callable[..., xarray.Dataset]:

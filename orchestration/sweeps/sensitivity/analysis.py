@@ -10,7 +10,7 @@ import xarray
 from rich.table import Table
 
 from fmus.kit.errors import UserError
-from orchestration.sweeps.sensitivity import indices, tornado
+from orchestration.sweeps.sensitivity import bands, indices, tornado
 
 
 class Analysis(NamedTuple):
@@ -23,6 +23,7 @@ class Analysis(NamedTuple):
 
 _BY_DESIGN = {
     indices.KIND: Analysis(indices.sensitivity, indices.table, indices.draw),
+    bands.KIND: Analysis(bands.bands, bands.table, bands.draw),
     tornado.KIND: Analysis(tornado.tornado, tornado.table, tornado.draw),
 }
 
@@ -40,7 +41,8 @@ def together(data: xarray.Dataset, analysed: xarray.Dataset) -> xarray.Dataset:
     UserError
         If something of the model is called as a part of the analysis is.
     """
-    both = {*map(str, data.variables)} & {*map(str, analysed.variables)}
+    shared = {*data.variables} & {*analysed.variables}
+    both = {str(name) for name in shared if not data[name].identical(analysed[name])}
     if both:
         raise UserError(
             f"{data.attrs['model']}: {', '.join(sorted(both))} is a name of the analysis, too; keep them apart"

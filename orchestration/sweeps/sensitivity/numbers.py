@@ -48,7 +48,7 @@ def failures(found: xarray.Dataset) -> list[str]:
 
 
 def complete(found: xarray.Dataset, what: str) -> None:
-    """Refuse a sweep of which a case is missing.
+    """Refuse a sweep of which a case is missing, or has a number that is none.
 
     Parameters
     ----------
@@ -66,6 +66,7 @@ def complete(found: xarray.Dataset, what: str) -> None:
             f"no {what}: {len(failed)} of {found.sizes['case']:,} cases failed, and nothing stands in for them; the "
             f"first: {failed[0]}"
         )
-    endless = next((name for name in numbers(found) if not np.isfinite(found[name].values).all()), None)
+    whole = {name: value for name, value in found.items() if value.dims == ("case",) and name != "failure"}
+    endless = next((name for name, value in whole.items() if not np.isfinite(value.values).all()), None)
     if endless is not None:
         raise UserError(f"no {what}: {endless} is no finite number in a case")
