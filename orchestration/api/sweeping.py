@@ -74,7 +74,8 @@ def sweep(
     scheduler : str, optional
         Address of a Dask cluster that runs the cases, such as ``"tcp://10.0.0.5:8786"``.
     folder : str or Path, optional
-        Keeps what is done, so that the same call goes on after an interrupt; it stays.
+        Keeps what is done, so that the same call goes on after an interrupt; it stays. Traces are read from there
+        when they are used, so that they need not fit into memory.
     progress : callable
         Told how many cases are done, and of how many.
 

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.sweeps.crew import Numbered
+from orchestration.sweeps.crew import Numbered, portions
 from orchestration.sweeps.task import Outcome, Repeated, Task, failed
 
 Array = NDArray[np.float64]
-_LARGEST, _PARTS, _AHEAD = 64, 8, 2  # as in `crew`
+_AHEAD = 2  # as in `crew`
 _PATIENCE = 30.0  # s without anything done, after which it is asked whether there are workers
 
 
@@ -75,8 +75,7 @@ def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[
     with Repeated(task):  # what is wrong with the FMU is told here, in one line
         pass
     client, threads = _connected(address)
-    size = int(np.clip(len(which) // (threads * _PARTS), 1, _LARGEST))
-    parts = deque([*which[at : at + size]] for at in range(0, len(which), size))
+    parts = portions(task, which, threads)
     running: dict[Any, list[int]] = {}
     try:
         # as a result, which is made again where the workers that have it end; what is scattered would be lost with them

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from orchestration.sweeps.fitted import Fitted
 
-_NETCDF, _TOML = (".nc",), (".toml",)
+_DATASET, _ZARR, _TOML = (".nc", ".zarr"), ".zarr", (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
 Over = Annotated[
     list[str] | None,
@@ -60,7 +60,11 @@ Scheduler = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    option("--out", metavar="FILE", help="Result with units (.nc). Interrupted, the same command goes on."),
+    option(
+        "--out",
+        metavar="FILE",
+        help="Result with units: .nc, or .zarr for more than fits into memory. Interrupted, the same command goes on.",
+    ),
 ]
 
 
@@ -87,16 +91,9 @@ def sweep(
     runtime: Runtime = "native",
 ) -> None:
     """Run a component or any FMU over many values of its parameters, or a sweep that a TOML file describes."""
-    from orchestration.cli.models import model_file
-    from orchestration.reporting import console, pictures
-    from orchestration.sweeps import picture
-    from orchestration.sweeps.sensitivity.analysis import analysis_of, together
+    from orchestration.reporting import console
 
-    Outputs(
-        {"the model": model_file(model), "the fit": fitted},
-        {"--out": out, "--plot": plot},
-        {"--out": _NETCDF, "--plot": pictures.FORMATS},
-    ).check()
+    _check_outputs(model, fitted, out, plot)
     folder = out and out.with_name(f"{out.name}.part")
     how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder}
     if Path(model).suffix.lower() in _TOML:
@@ -112,6 +109,31 @@ def sweep(
         tell(f"sweeping {model}")
         data = work(progress=tell.done, **how)
     _show(data)
+    _finish(data, out, folder, plot)
+
+
+def _check_outputs(model: str, fitted: Path | None, out: Path | None, plot: Path | None) -> None:
+    from orchestration.cli.models import model_file
+    from orchestration.reporting import pictures
+    from orchestration.sweeps import stored
+
+    store = out if out is not None and out.suffix.lower() == _ZARR else None
+    Outputs(
+        {"the model": model_file(model), "the fit": fitted},
+        {"--out": None if store else out, "--plot": plot},
+        {"--out": _DATASET, "--plot": pictures.FORMATS},
+        {"--out": store} if store else {},
+    ).check()
+    if store is not None:
+        stored.check(store)
+
+
+def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: Path | None) -> None:
+    """Say what a sweep comes to, write it and draw it."""
+    from orchestration.reporting import console
+    from orchestration.sweeps import picture
+    from orchestration.sweeps.sensitivity.analysis import analysis_of, together
+
     analysis = analysis_of(data.attrs["design"])
     shown, whole = data, data
     draw: Callable[[xarray.Dataset, Path], None] = picture.draw
@@ -200,8 +222,9 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of: they are nowhere else."""
     from orchestration.experiment import results
     from orchestration.reporting.console import wrote
+    from orchestration.sweeps import stored
 
-    results.write(data, out)
+    (stored if out.suffix.lower() == _ZARR else results).write(data, out)
     if parts is not None:
         shutil.rmtree(parts, ignore_errors=True)
     wrote(out)
@@ -212,14 +235,19 @@ def _show(data: xarray.Dataset) -> None:
     import numpy as np
 
     from orchestration.reporting.console import note, out, plain_table
+    from orchestration.sweeps.traces import pieces
 
     cases = int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
     out.print(f"{data.attrs['model']}: {cases:,} cases, {_RAN[data.attrs['engine']]}")
     columns = ("smallest", "largest")
     table = plain_table(None, "over all cases", *columns, "unit", right=columns)
     for name, array in data.items():
-        if name != "failure" and bool(np.isfinite(array).any()):
-            table.add_row(str(name), f"{float(array.min()):.6g}", f"{float(array.max()):.6g}", array.units)
+        if name == "failure":
+            continue
+        ends = [(np.fmin.reduce(part, axis=None), np.fmax.reduce(part, axis=None)) for part in pieces(array)]
+        smallest, largest = np.fmin.reduce([low for low, _ in ends]), np.fmax.reduce([high for _, high in ends])
+        if np.isfinite(smallest):
+            table.add_row(str(name), f"{smallest:.6g}", f"{largest:.6g}", array.units)
     out.print(table)
     if "failure" in data:
         reasons = data["failure"].values.ravel()

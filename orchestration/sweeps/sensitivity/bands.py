@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 KIND = "draws"
 _EVEN = (KIND, "latin-hypercube", "sobol")  # designs whose cases count alike
 _USUAL = (0.05, 0.5, 0.95)
-_AT_ONCE = 4_000_000  # values that are sorted at a time
+_AT_ONCE = 1_000_000  # values that are sorted at a time
 
 
 def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.Dataset:
