@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from fmus.kit.errors import UserError
+from fmus.kit.units import allowed
 from orchestration.experiment.model import checked
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value, show
@@ -70,12 +71,21 @@ class Fitted:
     settings: dict[str, Value]
 
     def draws(self, samples: int | None, seed: int) -> dict[str, Array]:
-        """Draw parameters; UserError if it is not said how many."""
+        """Draw parameters; UserError if it is not said how many, or one is drawn that the model does not allow."""
         if samples is None:
             raise UserError(f"{self.path}: how many cases are drawn from it is said by --samples, such as 200")
         if samples > MOST:
             raise UserError(f"{samples:.3g} cases; at most {MOST:,} are made")
-        return self.distribution.draws(samples, seed)
+        drawn = self.distribution.draws(samples, seed)
+        for name, values in drawn.items():
+            signal = self.model.parameters[name]
+            beyond = values[(values < signal.min) | (values > signal.max)]
+            if beyond.size:
+                raise UserError(
+                    f"{self.path}: {name} is determined so loosely that {beyond.size} of {samples:,} draws are out of "
+                    f"range, such as {show(float(beyond[0]), signal)}; allowed is {allowed(signal)}"
+                )
+        return drawn
 
     def differences(self, settings: Mapping[str, Value]) -> list[str]:
         """Lines on parameters that are set otherwise than they were in the fit."""

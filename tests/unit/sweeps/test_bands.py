@@ -237,6 +237,20 @@ def test_what_was_set_otherwise_in_the_fit_is_noted(tmp_path):
     assert "was fitted with gain = 3 ohm; here it is 2 ohm" in line
 
 
+def test_draws_that_the_model_does_not_allow_are_refused(tmp_path):
+    """A gain cannot be negative; a third of these would be."""
+    parameter = {"value": 1.0, "ci95": [1.0 - 2.0 * HALF, 1.0 + 2.0 * HALF], "nominal": 1.0, "unit": "ohm"}
+    answer = {"fitted": {"parameters": {"gain": parameter | {"logarithmic": False}}, "correlations": []}}
+    (tmp_path / "fit.json").write_text(json.dumps(answer))
+    fit = read_fitted(tmp_path / "fit.json", model_of(Line))
+    with pytest.raises(
+        UserError, match=r"gain is determined so loosely that (\d+) of 1,000 draws are out of range"
+    ) as told:
+        fit.draws(1000, 0)
+    count = int(str(told.value).split(" of 1,000")[0].split()[-1])
+    assert count == pytest.approx(1000 * norm.cdf(-0.5), abs=4.0 * np.sqrt(1000 * 0.31 * 0.69))
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
