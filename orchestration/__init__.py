@@ -24,9 +24,13 @@ if TYPE_CHECKING:
     from orchestration.api.simulation import simulate
     from orchestration.api.sweeping import sweep, sweep_file
     from orchestration.fmu.model import find_model
+    from orchestration.sweeps.sensitivity.bands import bands
+    from orchestration.sweeps.sensitivity.indices import sensitivity
+    from orchestration.sweeps.sensitivity.tornado import tornado
     from orchestration.system.model import System
 
 _HOME = {
+    "bands": "orchestration.sweeps.sensitivity.bands",
     "black_box": "orchestration.api.black_box",
     "build": "orchestration.api.models",
     "check": "orchestration.api.models",
@@ -37,14 +41,16 @@ _HOME = {
     "laws": "orchestration.api.laws",
     "read_record": "orchestration.api.records",
     "run": "orchestration.api.runs",
+    "sensitivity": "orchestration.sweeps.sensitivity.indices",
     "simulate": "orchestration.api.simulation",
     "sweep": "orchestration.api.sweeping",
     "sweep_file": "orchestration.api.sweeping",
+    "tornado": "orchestration.sweeps.sensitivity.tornado",
     "System": "orchestration.system.model",
 }
 __all__ = [
-    "System", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record", "run",
-    "simulate", "sweep", "sweep_file",
+    "System", "bands", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record",
+    "run", "sensitivity", "simulate", "sweep", "sweep_file", "tornado",
 ]  # fmt: skip
 
 

@@ -16,8 +16,10 @@ from orchestration.fmu.model import Model
 from orchestration.sweeps.compiled import chosen
 from orchestration.sweeps.design import design
 from orchestration.sweeps.ranges import given_range, read_range
-from orchestration.sweeps.reductions import checked
+from orchestration.sweeps.reductions import KEPT, TRACE, checked
 from orchestration.sweeps.run import run
+from orchestration.sweeps.sensitivity.indices import KIND as SOBOL_INDICES
+from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
 from orchestration.sweeps.task import Task
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ Array = NDArray[np.float64]
 
 def sweep(
     model: Model | type[Component] | str,
-    over: Mapping[str, str | Sequence[float]],
+    over: Mapping[str, str | Sequence[float] | Array],
     inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]] | None = None,
     *,
     time: ArrayLike | None = None,
@@ -39,7 +41,7 @@ def sweep(
     samples: int | None = None,
     seed: int = 0,
     outputs: Sequence[str] = (),
-    keep: Sequence[str] = ("last", "smallest", "largest"),
+    keep: Sequence[str] = KEPT,
     engine: str = "auto",
     workers: int = 1,
     scheduler: str | None = None,
@@ -55,10 +57,11 @@ def sweep(
     over : Mapping of str to str or sequence of float
         What each parameter, or held input, goes through: ``"0.3..0.7:41"``, ``"1e-3..1e-1:7 log"``,
         ``"6.3 N/mm, 9 N/mm"``, or values in the model's unit; ``"0.3..0.7"`` for a design that chooses them.
-    kind : {"grid", "list", "latin-hypercube", "sobol"}
-        Design.
+    kind : {"grid", "list", "draws", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
+        Design; `sensitivity` and `tornado` tell what the last two come to, and `bands` what cases come to that were
+        drawn at random, such as those of ``fit(...).draws(200)``.
     samples, seed : int
-        Of the last two.
+        Of those that choose values; of ``sobol-indices`` as many cases for each parameter, and twice as many besides.
     outputs : sequence of str
         All unless given.
     keep : sequence of str
@@ -71,7 +74,8 @@ def sweep(
     scheduler : str, optional
         Address of a Dask cluster that runs the cases, such as ``"tcp://10.0.0.5:8786"``.
     folder : str or Path, optional
-        Keeps what is done, so that the same call goes on after an interrupt; it stays.
+        Keeps what is done, so that the same call goes on after an interrupt; it stays. Traces are read from there
+        when they are used, so that they need not fit into memory.
     progress : callable
         Told how many cases are done, and of how many.
 
@@ -105,9 +109,14 @@ def sweep(
     ranges = [
         read_range(f"{n}={v}", subject) if isinstance(v, str) else given_range(n, v, subject) for n, v in over.items()
     ]
-    cases = design(ranges, kind, samples, seed)
     points, fed = stimulus(subject, inputs or {}, time, stop, step)
-    given = values_of(subject, settings)
+    given, starts = values_of(subject, settings), {}
+    if kind == TORNADO:  # what is set is where the others stay
+        known = {**subject.parameters, **subject.inputs}
+        starts = {one.name: float(given.pop(one.name, known[one.name].start)) for one in ranges}
+    cases = design(ranges, kind, samples, seed, starts)
+    if kind in (SOBOL_INDICES, TORNADO) and not {*checked(keep)} - {TRACE}:
+        raise UserError(f"--keep {TRACE}: --design {kind} asks for numbers, such as last")
     twice = next((n for n in cases.names if n in given or n in fed), None)
     if twice is not None:
         raise UserError(f"{twice} is swept, and set to one value besides")
@@ -161,7 +170,7 @@ def sweep_file(
     asked = read_sweep(Path(path), note)
     table = asked.table
     return sweep(
-        asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=table.design,
-        samples=table.samples, seed=table.seed, outputs=asked.outputs, keep=table.keep, engine=engine, workers=workers,
+        asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=asked.kind,
+        samples=asked.samples, seed=table.seed, outputs=asked.outputs, keep=asked.keep, engine=engine, workers=workers,
         scheduler=scheduler, folder=folder, progress=progress,
     ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field, PlainValidator, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, PlainValidator, ValidationError, model_validator
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.stimulus import AnyStimulus
 from orchestration.experiment.values import Amount, File, Span, Table
 
-Checked = TypeVar("Checked", bound=Table)
+Checked = TypeVar("Checked", bound=BaseModel)
 
 
 def _setting(given: Any) -> Any:

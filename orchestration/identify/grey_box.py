@@ -20,7 +20,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.units import Described, allowed, shown
 from orchestration.identify import prediction_error, presentation
 from orchestration.identify.covariance import Covariance, sandwich
-from orchestration.identify.estimate import Estimate
+from orchestration.identify.estimate import Estimate, distribution
 from orchestration.identify.method import Method
 from orchestration.identify.noise.autoregression import autoregression
 from orchestration.identify.noise.model import Noise
@@ -51,6 +51,8 @@ class Fit:
         Units in which they are read.
     correlations : dict of tuple of str to float
         Of every pair of estimates, in searched coordinates; zero where one is not determined.
+    logarithmic : tuple of str
+        Parameters that were searched in their logarithm.
     """
 
     estimates: dict[str, Estimate]
@@ -58,6 +60,7 @@ class Fit:
     warnings: list[str]
     declared: Mapping[str, Described]
     correlations: dict[tuple[str, str], float]
+    logarithmic: tuple[str, ...]
 
     @property
     def coupled(self) -> dict[tuple[str, str], float]:
@@ -74,6 +77,27 @@ class Fit:
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence intervals by name, SI; infinite where the record says nothing of a parameter."""
         return {name: e.interval for name, e in self.estimates.items()}
+
+    def draws(self, count: int, seed: int = 0) -> dict[str, Array]:
+        """Draw parameters at random, as the record leaves them open; what `sweep` takes with ``kind="draws"``.
+
+        Parameters
+        ----------
+        count : int
+        seed : int
+            The same seed comes to the same draws.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (count,)
+            SI, normally distributed with the covariance of the fit, in the logarithm where that was searched.
+
+        Raises
+        ------
+        UserError
+            If the record does not determine a parameter.
+        """
+        return distribution(self.estimates, self.correlations, self.logarithmic).draws(count, seed)
 
     @property
     def warning_lines(self) -> list[str]:
@@ -93,7 +117,9 @@ class Fit:
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: parameters, correlations, number of simulations, warnings."""
         return {
-            "parameters": {name: e.to_dict() for name, e in self.estimates.items()},
+            "parameters": {
+                name: e.to_dict() | {"logarithmic": name in self.logarithmic} for name, e in self.estimates.items()
+            },
             "correlations": [{"between": [*pair], "value": r} for pair, r in self.correlations.items()],
             "simulations": self.evaluations,
             "warnings": self.warnings,
@@ -155,6 +181,7 @@ def fit(
         warnings,
         {n: problem.declared[n] for n in names},
         _correlations(names, spread),
+        tuple(n for n, s in zip(names, problem.scales, strict=True) if s.logarithmic),
     )
 
 

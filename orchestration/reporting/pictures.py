@@ -25,17 +25,31 @@ _STYLE = {
 }  # fmt: skip
 
 
-def panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
-    """Make a figure of panels, one above the other, that share the time axis."""
+def panels(
+    count: int, title: str, below: str = "time [s]", height: float = 1.9, shared: bool = True
+) -> tuple[Figure, list[Axes]]:  # fmt: skip
+    """Make a figure of panels, one above the other, that share what is below them, such as the time axis.
+
+    Parameters
+    ----------
+    count : int
+    title : str
+    below : str
+        What the horizontal axis is called.
+    height : float
+        Of a panel, inches.
+    shared : bool
+        Whether there is one horizontal axis for all.
+    """
     import matplotlib.style
     from matplotlib.figure import Figure
 
     with matplotlib.style.context(_STYLE):
-        figure = Figure(figsize=(9, 1.0 + 1.9 * count), layout="constrained")
-        axes = figure.subplots(count, 1, sharex=True, squeeze=False)
+        figure = Figure(figsize=(9, 1.0 + height * count), layout="constrained")
+        axes = figure.subplots(count, 1, sharex=shared, squeeze=False)
     title = title.encode(errors="backslashreplace").decode()  # a file name may hold bytes that no font can draw
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-    axes[-1, 0].set_xlabel("time [s]")
+    axes[-1, 0].set_xlabel(below)
     return figure, list(axes.flat)
 
 

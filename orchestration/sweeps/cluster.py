@@ -6,6 +6,7 @@ import hashlib
 import tempfile
 from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
@@ -15,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.sweeps.crew import Numbered
+from orchestration.sweeps.crew import Numbered, portions
 from orchestration.sweeps.task import Outcome, Repeated, Task, failed
 
 Array = NDArray[np.float64]
-_LARGEST, _PARTS, _AHEAD = 64, 8, 2  # as in `crew`
+_AHEAD = 2  # as in `crew`
 _PATIENCE = 30.0  # s without anything done, after which it is asked whether there are workers
 
 
@@ -75,22 +76,27 @@ def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[
     with Repeated(task):  # what is wrong with the FMU is told here, in one line
         pass
     client, threads = _connected(address)
-    size = int(np.clip(len(which) // (threads * _PARTS), 1, _LARGEST))
-    parts = deque([*which[at : at + size]] for at in range(0, len(which), size))
+    parts = portions(task, which, threads)
+    suspects: deque[list[int]] = deque()  # cases of parts whose worker ended, which may not be to blame
     running: dict[Any, list[int]] = {}
     try:
         # as a result, which is made again where the workers that have it end; what is scattered would be lost with them
         parcel = client.submit(unpacked, packed(task), pure=False)
-        while parts or running:
+        while parts or running or suspects:
+            alone = not parts and not running
+            if alone:
+                parts.append(suspects.popleft())
             while parts and len(running) < _AHEAD * threads:
                 rows = parts.popleft()
                 # a result is not known by its arguments: a part that is told again is run again
                 running[client.submit(work, parcel, cases[rows], pure=False)] = rows
             for future in _done(client, running, address):
                 rows = running.pop(future)
-                yield from _results(future, rows, task, parts, address)
+                yield from _results(future, rows, task, None if alone else suspects, address)
     finally:
         client.cancel([*running])
+        with suppress(OSError, TimeoutError):  # what is gone has nothing to let go of
+            client.run(let_go, on_error="ignore")
         client.close()
 
 
@@ -127,16 +133,21 @@ def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]
                 ) from error
 
 
-def _results(future: Any, rows: list[int], task: Task, parts: deque[list[int]], address: str) -> Iterator[Numbered]:
+def _results(
+    future: Any, rows: list[int], task: Task, suspects: deque[list[int]] | None, address: str
+) -> Iterator[Numbered]:  # fmt: skip
+    """Take what a part left; where its worker ended, its cases are run again alone, and blamed if it ends then."""
     from distributed.scheduler import KilledWorker
 
     try:
         found: list[Outcome] = future.result()
         yield from zip(rows, found, strict=True)
     except KilledWorker:
-        if len(rows) == 1:
+        # Dask blames all that a worker was told, what it had not begun with, too
+        if suspects is None:
             yield rows[0], failed(task, f"{task.path.name}: the process that ran it ended")
-        parts.extend([row] for row in rows if len(rows) > 1)  # one by one: only the case that ends a worker is blamed
+        else:
+            suspects.extend([row] for row in rows)
     except UserError:
         raise
     except Exception as error:
@@ -157,19 +168,45 @@ def unpacked(parcel: Parcel) -> Parcel:
 
 def work(parcel: Parcel, cases: Array) -> list[Outcome]:
     """Run cases (k, p) on a worker, which keeps what runs them for the next."""
-    with _lock:
+    with _lock, _in_its_folder():
         repeated = _repeated(parcel)
         return [repeated.run(values) for values in cases]
+
+
+def let_go() -> None:
+    """Close and remove what a worker has open, unless it is busy with it; it is removed when the worker ends, too."""
+    if _lock.acquire(blocking=False):
+        try:
+            _close()
+        finally:
+            _lock.release()
+
+
+@contextmanager
+def _in_its_folder() -> Iterator[None]:
+    """Have all that is unpacked in the folder of the worker, which Dask removes even if its process is killed."""
+    from distributed import get_worker
+
+    before, tempfile.tempdir = tempfile.tempdir, get_worker().local_directory
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
+
+
+def _close() -> None:
+    global _open
+    if _open is not None:
+        _open[1].__exit__(None, None, None)
+        _open[2].cleanup()
+        _open = None
 
 
 def _repeated(parcel: Parcel) -> Repeated:
     global _open
     if _open is not None and _open[0] == parcel.digest:
         return _open[1]
-    if _open is not None:
-        _open[1].__exit__(None, None, None)
-        _open[2].cleanup()
-        _open = None
+    _close()
     folder = tempfile.TemporaryDirectory(prefix="ppy-sweep-", ignore_cleanup_errors=True)
     task, path = parcel.task, Path(folder.name) / parcel.task.path.name
     path.write_bytes(parcel.fmu)

@@ -17,6 +17,7 @@ from orchestration.sweeps.task import Outcome, Repeated, Task, failed
 Array = NDArray[np.float64]
 Numbered = tuple[int, Outcome]
 _LARGEST, _PARTS = 64, 8  # cases that a worker is told at once, and in how many parts each worker's share is told
+_BYTES = 16_000_000  # that the cases of a part leave, at most, unless one leaves more
 _AHEAD = 2  # parts for each worker that are told before it needs them
 
 _repeated: Repeated | None = None  # of a worker
@@ -52,12 +53,19 @@ def outcomes(task: Task, cases: Array, which: Sequence[int], count: int = 1) -> 
         return
     with Repeated(task):  # what is wrong with the FMU is told here, in one line
         pass
-    size = int(np.clip(len(which) // (count * _PARTS), 1, _LARGEST))
-    parts = deque([*which[at : at + size]] for at in range(0, len(which), size))
+    parts = portions(task, which, count)
     while parts:
         suspects = yield from _side_by_side(task, cases, parts, count)
         for row in suspects:
             yield row, _alone(task, cases[row])
+
+
+def portions(task: Task, which: Sequence[int], count: int) -> deque[list[int]]:
+    """Divide cases for workers: into several parts for each, of which none leaves more than memory is meant to hold."""
+    nothing = failed(task, "")
+    left = nothing.numbers.nbytes + nothing.trace.nbytes
+    size = max(1, min(_LARGEST, _BYTES // max(1, left), len(which) // (count * _PARTS)))
+    return deque([*which[at : at + size]] for at in range(0, len(which), size))
 
 
 def _pool(task: Task, count: int) -> AbstractContextManager[ProcessPoolExecutor]:

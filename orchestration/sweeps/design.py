@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,11 @@ from scipy.stats import qmc
 
 from fmus.kit.errors import UserError
 from orchestration.sweeps.ranges import Range
+from orchestration.sweeps.sensitivity import bands, indices, tornado
 
 Array = NDArray[np.float64]
-DESIGNS = ("grid", "list", "latin-hypercube", "sobol")
+GIVEN, SAMPLED = ("grid", "list", bands.KIND), ("latin-hypercube", "sobol", indices.KIND)
+DESIGNS = (*GIVEN, *SAMPLED, tornado.KIND)
 MOST = 100_000_000  # cases
 
 
@@ -23,7 +25,7 @@ class Design:
 
     Attributes
     ----------
-    kind : {"grid", "list", "latin-hypercube", "sobol"}
+    kind : {"grid", "list", "draws", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
     ranges : tuple of Range
         One for each of p parameters.
     cases : ndarray, shape (n, p)
@@ -45,20 +47,28 @@ class Design:
         return tuple(len(one.values) for one in self.ranges) if self.kind == "grid" else (len(self.cases),)
 
 
-def design(ranges: Sequence[Range], kind: str = "grid", samples: int | None = None, seed: int = 0) -> Design:
+def design(
+    ranges: Sequence[Range], kind: str = "grid", samples: int | None = None, seed: int = 0,
+    starts: Mapping[str, float] | None = None,
+) -> Design:  # fmt: skip
     """Choose the cases.
 
     Parameters
     ----------
     ranges : sequence of Range
-    kind : {"grid", "list", "latin-hypercube", "sobol"}
-        Every value with every other; the first values of all parameters, then the second ones, and so on; or points
+    kind : {"grid", "list", "draws", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
+        Every value with every other; the first values of all parameters, then the second ones, and so on, by choice or
+        drawn at random; or points
         between the ends of the ranges, one in each of as many equal parts of every parameter (McKay, Beckman, Conover,
-        Technometrics 21, 1979), or of low discrepancy (Sobol, with Owen's scrambling).
+        Technometrics 21, 1979), or of low discrepancy (Sobol, with Owen's scrambling), or such from which indices of
+        Sobol can be told; or each by itself at the ends of its range, the others at their start value.
     samples : int, optional
-        Points of the last two; a power of two for ``sobol``.
+        Points of ``latin-hypercube``, ``sobol`` and ``sobol-indices``, a power of two for the last two; of
+        ``sobol-indices`` as many cases for each parameter, and twice as many besides.
     seed : int
         Of these.
+    starts : Mapping of str to float, optional
+        Start values, for a tornado.
 
     Raises
     ------
@@ -69,26 +79,38 @@ def design(ranges: Sequence[Range], kind: str = "grid", samples: int | None = No
         raise UserError(f"--design {kind}: it is one of {', '.join(DESIGNS)}")
     if not ranges:
         raise UserError("nothing to sweep: name a parameter with --over, such as --over R1=0.3..0.7:41")
+    if seed < 0:
+        raise UserError(f"seed {seed}: zero or more")
     names = [one.name for one in ranges]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice:
         raise UserError(f"--over names {twice} twice")
     chosen = tuple(ranges)
-    if kind in ("grid", "list"):
+    if kind in GIVEN:
         return _given(chosen, kind, samples)
+    counted = next((one.name for one in chosen if one.counted), None)
+    if counted:
+        raise UserError(f"--over {counted} has its values, which --design {kind} chooses: write from..to")
+    if kind == tornado.KIND:
+        _refuse_samples(kind, samples)
+        return Design(kind, chosen, tornado.one_at_a_time(chosen, starts or {}))
     return _sampled(chosen, kind, samples, seed)
 
 
-def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
+def _refuse_samples(kind: str, samples: int | None) -> None:
     if samples is not None:
-        raise UserError(f"--samples {samples} is of --design latin-hypercube and sobol; a {kind} has its own values")
+        raise UserError(f"--samples {samples} is of --design {', '.join(SAMPLED)}; a {kind} has its own values")
+
+
+def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
+    _refuse_samples(kind, samples)
     open_ended = next((one.name for one in ranges if not one.counted), None)
     if open_ended:
         raise UserError(f"--over {open_ended} names no count of values, as in 0.3..0.7:41, which a {kind} needs")
     lengths = [len(one.values) for one in ranges]
-    if kind == "list" and len(set(lengths)) > 1:
+    if kind != "grid" and len(set(lengths)) > 1:
         told = ", ".join(f"{one.name} {n}" for one, n in zip(ranges, lengths, strict=True))
-        raise UserError(f"--design list takes as many values of every parameter, not {told}")
+        raise UserError(f"--design {kind} takes as many values of every parameter, not {told}")
     for one in ranges if kind == "grid" else ():
         several, counts = np.unique(one.values, return_counts=True)
         if len(several) < len(one.values):
@@ -104,20 +126,14 @@ def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
 def _sampled(ranges: tuple[Range, ...], kind: str, samples: int | None, seed: int) -> Design:
     if samples is None or not 1 <= samples <= MOST:
         raise UserError(f"--design {kind} needs --samples, from 1 to {MOST:,}")
-    counted = next((one.name for one in ranges if one.counted), None)
-    if counted:
-        raise UserError(f"--over {counted} has its values, which --design {kind} chooses: write from..to")
-    if kind == "sobol" and samples & (samples - 1):
+    if kind != "latin-hypercube" and samples & (samples - 1):
         raise UserError(f"--samples {samples}: points of Sobol are even for powers of two only, such as 128 and 256")
-    sampler = (qmc.Sobol if kind == "sobol" else qmc.LatinHypercube)(len(ranges), rng=np.random.default_rng(seed))
-    unit = sampler.random(samples)
-    columns = [_between(one, unit[:, k]) for k, one in enumerate(ranges)]
+    if kind == indices.KIND:
+        if samples * (len(ranges) + 2) > MOST:
+            raise UserError(f"{samples * (len(ranges) + 2):.3g} cases; at most {MOST:,} are made")
+        unit = indices.sampled(len(ranges), samples, seed)
+    else:
+        sampler = (qmc.Sobol if kind == "sobol" else qmc.LatinHypercube)(len(ranges), rng=np.random.default_rng(seed))
+        unit = sampler.random(samples)
+    columns = [one.between(unit[:, k]) for k, one in enumerate(ranges)]
     return Design(kind, ranges, np.column_stack(columns))
-
-
-def _between(one: Range, share: Array) -> Array:
-    """Values at shares (n,) of a range."""
-    low, high = one.values
-    if one.logarithmic:
-        return np.asarray(low * (high / low) ** share)
-    return np.asarray(low + (high - low) * share)

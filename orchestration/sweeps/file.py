@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from fmus.kit.errors import UserError
 from orchestration.experiment.library import shipped
@@ -20,6 +20,10 @@ from orchestration.experiment.subject import subject
 from orchestration.experiment.values import Table
 from orchestration.fmu.model import Model, find_model
 from orchestration.fmu.signal import Value
+from orchestration.sweeps.fitted import read_fitted
+from orchestration.sweeps.reductions import KEPT, TRACE
+from orchestration.sweeps.sensitivity.bands import KIND as DRAWS
+from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
 
 Array = NDArray[np.float64]
 ENDINGS = (".toml",)
@@ -30,11 +34,22 @@ class SweepTable(Table):
 
     title: str = ""
     experiment: str | dict[str, Any]
-    over: Annotated[dict[str, str | list[float | str]], Field(min_length=1)]
+    over: dict[str, str | list[float | str]] = {}
+    fitted: str | None = None
     design: str = "grid"
     samples: Annotated[int, Field(ge=1, strict=True)] | None = None
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
-    keep: list[str] = ["last", "smallest", "largest"]
+    keep: Annotated[list[str], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _says_what_is_swept(self) -> SweepTable:
+        if bool(self.over) == (self.fitted is not None):
+            raise ValueError(
+                "says in [over] what parameters go through, or names a fit to draw them from: fitted = ..."
+            )
+        if self.fitted is not None and {"design"} & self.model_fields_set:
+            raise ValueError("has a fit to draw parameters from, and a design besides")
+        return self
 
 
 @dataclass(frozen=True)
@@ -43,10 +58,14 @@ class Asked:
 
     Attributes
     ----------
-    table : SweepTable
     model : Model
-    over : dict of str to str
+    over : dict of str to str or ndarray
         What each parameter goes through.
+    kind : str
+        Design.
+    samples : int or None
+        Of a design that chooses values.
+    keep : list of str
     time : ndarray, shape (n,)
         Communication points, s.
     inputs : Mapping of str to ndarray, shape (n,)
@@ -54,15 +73,19 @@ class Asked:
     settings : dict of str to float or str
         In the FMU's units.
     outputs : list of str
+    table : SweepTable
     """
 
-    table: SweepTable
     model: Model
-    over: dict[str, str]
+    over: Mapping[str, str | Array]
+    kind: str
+    samples: int | None
+    keep: list[str]
     time: Array
     inputs: Mapping[str, Array]
     settings: dict[str, Value]
     outputs: list[str]
+    table: SweepTable
 
 
 def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> Asked:
@@ -83,18 +106,32 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> A
     if not path.is_file():
         raise UserError(f"{where}: {'a folder' if path.is_dir() else 'no such file'}")
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
-    experiment = _without(_experiment(table.experiment, path), table.over)
-    if experiment.component is None:
-        raise UserError(f"{where}: a sweep is of a component or an FMU, and {experiment.system} is a system")
-    if experiment.noise:
+    stated = _experiment(table.experiment, path)
+    if stated.component is None:
+        raise UserError(f"{where}: a sweep is of a component or an FMU, and {stated.system} is a system")
+    if stated.noise:
         raise UserError(f"{where}: noise is of what is measured; a sweep has none")
+    model = find_model(stated.component, stated.runtime, stated.effects)
+    fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
+    over: Mapping[str, str | Array] = _over(table) if fit is None else fit.draws(table.samples, table.seed)
+    # of a tornado what the experiment has is where the others stay
+    replaced = {} if table.design == TORNADO else over
+    experiment = _without(stated, replaced)
     with subject(experiment, where) as on:
-        left = {name: signal for name, signal in on.inputs.items() if name not in table.over}
+        left = {name: signal for name, signal in on.inputs.items() if name not in over}
         prepared = prepare(experiment, replace(on, inputs=left), where, note)
-    over = {name: v if isinstance(v, str) else ", ".join(map(str, v)) for name, v in table.over.items()}
-    settings = {name: value for name, value in prepared.settings.items() if name not in table.over}
-    model = find_model(experiment.component, experiment.runtime, experiment.effects)
-    return Asked(table, model, over, prepared.time, prepared.inputs, settings, prepared.record)
+    settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
+    for line in [] if fit is None else fit.differences(settings):
+        note(line)
+    kind, samples, keep = (table.design, table.samples, KEPT) if fit is None else (DRAWS, None, (TRACE,))
+    return Asked(
+        model, over, kind, samples, table.keep or [*keep], prepared.time, prepared.inputs, settings, prepared.record,
+        table,
+    )  # fmt: skip
+
+
+def _over(table: SweepTable) -> dict[str, str]:
+    return {name: v if isinstance(v, str) else ", ".join(map(str, v)) for name, v in table.over.items()}
 
 
 def _experiment(given: str | dict[str, Any], path: Path) -> Experiment:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
-import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +14,7 @@ from numpy.typing import NDArray
 from fmus.kit import files
 from fmus.kit.errors import UserError
 from orchestration.sweeps.task import Outcome, Task, failed
+from orchestration.sweeps.traces import TraceFile, reserve
 
 Array = NDArray[np.float64]
 _ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = "sweep.json", "done.npy", "numbers.npy", "traces.npy", "failures.jsonl"
@@ -54,7 +52,7 @@ class Journal:
                 mode = "w+"
             self._done = _array(folder / _DONE, mode, (len(cases),), "u1")
             self.numbers = _array(folder / _NUMBERS, mode, (len(cases), *nothing.numbers.shape), "f8")
-            self.traces = _array(folder / _TRACES, mode, (len(cases), *nothing.trace.shape), "f8")
+            self._traces = self._open_traces(mode, len(cases), nothing)
             if mode == "w+":  # last: a folder without it is begun anew
                 files.write(folder / _ABOUT, json.dumps(about).encode())
             self.failures = _failures(folder / _FAILURES)
@@ -66,6 +64,15 @@ class Journal:
         except ValueError as error:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
+    def _open_traces(self, mode: str, cases: int, nothing: Outcome) -> TraceFile | None:
+        points, outputs = nothing.trace.shape
+        return TraceFile(self.folder / _TRACES, mode, (cases, outputs, points)) if nothing.trace.size else None
+
+    def traces(self, output: int, shape: tuple[int, ...]) -> Any:
+        """Traces of one output over cases in a shape, and time, which are read when they are used."""
+        assert self._traces is not None
+        return self._traces.of(output, shape)
+
     @property
     def left(self) -> list[int]:
         """Cases that are not done."""
@@ -74,17 +81,17 @@ class Journal:
     def write(self, row: int, outcome: Outcome) -> None:
         """Keep what a case left; it is done once its numbers are there."""
         self.numbers[row] = outcome.numbers
-        if outcome.trace.size:
-            self.traces[row] = outcome.trace
-        if outcome.failure:
-            self.failures[row] = outcome.failure
-            try:
+        try:
+            if self._traces is not None:
+                self._traces.write(row, outcome.trace)
+            if outcome.failure:
+                self.failures[row] = outcome.failure
                 with (self.folder / _FAILURES).open("a", encoding="utf-8") as file:
                     file.write(json.dumps([row, outcome.failure]) + "\n")
-            except OSError as error:
-                raise UserError(
-                    f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
-                ) from error
+        except OSError as error:
+            raise UserError(
+                f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
+            ) from error
         self._done[row] = 1
 
 
@@ -103,18 +110,8 @@ def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
     if mode == "r+":
         return np.lib.format.open_memmap(path, "r+")
     array = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
-    _reserve(path)
+    reserve(path)
     return array
-
-
-def _reserve(path: Path) -> None:
-    """Take room on the disk for all of a file: to write into a mapped file that has none ends the process."""
-    size = path.stat().st_size
-    if hasattr(os, "posix_fallocate"):
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, size)
-    elif shutil.disk_usage(path.parent).free < size:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
@@ -132,7 +129,7 @@ def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
         "settings and inputs": digest(
             sorted(task.settings.items()), task.time, sorted(task.inputs), *task.inputs.values()
         ),
-        "what is kept": digest(task.outputs, task.keep),
+        "what is kept": digest(task.outputs, task.keep, "traces by outputs"),
         "the engine": task.engine,
     }
 

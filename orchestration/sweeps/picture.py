@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
+from fmus.kit.errors import UserError
 from orchestration.reporting import pictures
 
 _MOST = 6  # panels
@@ -26,9 +27,11 @@ def draw(data: xarray.Dataset, path: Path) -> None:
     Raises
     ------
     UserError
-        If the file cannot be written.
+        If there are no numbers, or the file cannot be written.
     """
     names = [str(n) for n, v in data.items() if n != "failure" and "time" not in v.dims][:_MOST]
+    if not names:
+        raise UserError(f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none")
     parameters = [str(n) for n in data.coords if n != "time"]
     figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
     first = data[parameters[0]]

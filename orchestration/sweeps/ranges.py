@@ -42,6 +42,13 @@ class Range:
     logarithmic: bool = False
     counted: bool = True
 
+    def between(self, share: Array) -> Array:
+        """Values (n,) at shares of the range, each from 0 to 1."""
+        low, high = self.values
+        if self.logarithmic:
+            return np.asarray(low * (high / low) ** share)
+        return np.asarray(low + (high - low) * share)
+
 
 def read_range(text: str, model: Model) -> Range:
     """Read what one parameter goes through.
@@ -70,7 +77,7 @@ def read_range(text: str, model: Model) -> Range:
     return _divided(name, signal, (low, high), found["count"], bool(found["log"]), text)
 
 
-def given_range(name: str, values: Sequence[float], model: Model) -> Range:
+def given_range(name: str, values: Sequence[float] | Array, model: Model) -> Range:
     """Take values as they are, which costs nothing for a million of them.
 
     Parameters

@@ -18,6 +18,7 @@ REDUCTIONS: dict[str, Callable[[Array], Array]] = {
     "rms": lambda y: np.sqrt(np.mean(y * y, axis=0)),
 }
 TRACE = "trace"  # all of it
+KEPT = ("last", "smallest", "largest")  # unless something else is asked for
 
 
 def checked(names: Sequence[str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray
@@ -37,7 +38,8 @@ def run(
     workers : int
         Processes; the numbers are the same, bit for bit, however many there are.
     folder : Path, optional
-        Where what is done is kept, to go on with after an interrupt; it stays.
+        Where what is done is kept, to go on with after an interrupt; it stays, and traces are read from there when
+        they are used.
     progress : callable
         Told how many cases are done, and of how many.
     scheduler : str, optional
@@ -69,7 +71,9 @@ def run(
                 journal.write(row, outcome)
             done += len(alike[first])
             progress(done, whole)
-        found = dataset(model, task, cases, np.array(journal.numbers), np.array(journal.traces), journal.failures)
+        found = dataset(model, task, cases, journal)
+        if folder is None:
+            found.load()
         del journal  # before its folder goes: Windows keeps what is open
     return found.assign_attrs(model=model.name, guid=guid, engine=task.engine)
 
@@ -84,9 +88,7 @@ def _alike(cases: Design, left: Sequence[int]) -> Mapping[int, Sequence[int]]:
     return {rows[0]: rows for rows in groups.values()}
 
 
-def dataset(
-    model: Model, task: Task, cases: Design, numbers: Array, traces: Array, failures: Mapping[int, str]
-) -> xarray.Dataset:  # fmt: skip
+def dataset(model: Model, task: Task, cases: Design, journal: Journal) -> xarray.Dataset:
     """Label what a sweep left.
 
     Parameters
@@ -94,12 +96,8 @@ def dataset(
     model : Model
     task : Task
     cases : Design
-        Of n cases.
-    numbers : ndarray, shape (n, r, m)
-        By cases, reductions and outputs.
-    traces : ndarray, shape (n, points, m)
-    failures : Mapping of int to str
-        Why cases left nothing, by their number.
+    journal : Journal
+        Of all its cases.
 
     Returns
     -------
@@ -110,15 +108,15 @@ def dataset(
     """
     signals = {**model.parameters, **model.inputs}
     reductions = [name for name in task.keep if name != TRACE]
-    grid = cases.kind == "grid"
+    grid, numbers, failures = cases.kind == "grid", np.array(journal.numbers), journal.failures
     dims = tuple(cases.names) if grid else ("case",)
-    values: dict[str, tuple[Sequence[str], Array, dict[str, str]]] = {}
+    values: dict[str, tuple[Sequence[str], Any, dict[str, str]]] = {}
     for m, output in enumerate(task.outputs):
         about = _about(model.outputs[output])
         for r, name in enumerate(reductions):
             values[f"{output}_{name}"] = (dims, numbers[:, r, m].reshape(cases.shape), about)
         if TRACE in task.keep:
-            values[output] = ((*dims, "time"), traces[:, :, m].reshape(*cases.shape, -1), about)
+            values[output] = ((*dims, "time"), journal.traces(m, cases.shape), about)
     why = np.array([failures.get(row, "") for row in range(len(cases.cases))], dtype=str)
     if failures:
         values["failure"] = (dims, why.reshape(cases.shape), {"long_name": "why a case left nothing"})
@@ -127,7 +125,7 @@ def dataset(
         for k, (one, column) in enumerate(zip(cases.ranges, cases.cases.T, strict=True))
     }
     clock = {"time": ("time", task.time, {"units": "s", "long_name": "time"})} if TRACE in task.keep else {}
-    return xarray.Dataset(values, {**coordinates, **clock}, {"design": cases.kind})
+    return xarray.Dataset(values, {**coordinates, **clock}, {"design": cases.kind, "over": " ".join(cases.names)})
 
 
 def _about(signal: Signal) -> dict[str, str]:

@@ -16,9 +16,10 @@ from orchestration.cli.outputs import Outputs
 if TYPE_CHECKING:
     import xarray
 
-_NETCDF, _TOML = (".nc",), (".toml",)
+    from orchestration.sweeps.fitted import Fitted
+
+_DATASET, _ZARR, _TOML = (".nc", ".zarr"), ".zarr", (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
-_KEEP = "last,smallest,largest"
 Over = Annotated[
     list[str] | None,
     option(
@@ -30,13 +31,24 @@ Over = Annotated[
 ]
 DesignKind = Annotated[
     str,
-    typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol."),
-]
-Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of the last two.")]
-Seed = Annotated[int, typer.Option("--seed", help="Of the last two.")]
+    typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol; "
+                 "sobol-indices, tornado: which parameters matter."),
+]  # fmt: skip
+Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of latin-hypercube and sobol; of "
+                                       "sobol-indices for each parameter, and twice as many.")]  # fmt: skip
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is chosen at random.")]
 Kept = Annotated[str | None, option("--outputs", help="Which outputs are kept, e.g. voltage,charge.")]
+FittedFile = Annotated[
+    Path | None,
+    option(
+        "--fitted",
+        metavar="FILE",
+        help="Draw parameters from a fit (ppy identify --json): --samples of them, and bands of the outputs.",
+    ),
+]
 Keep = Annotated[
-    str, typer.Option("--keep", help="What of each: last, smallest, largest, mean, rms, trace (all of it).")
+    str | None,
+    option("--keep", help="What of each: last,smallest,largest as a rule, mean, rms, trace (all of it; of --fitted)."),
 ]
 Engine = Annotated[
     str,
@@ -48,7 +60,11 @@ Scheduler = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    option("--out", metavar="FILE", help="Result with units (.nc). Interrupted, the same command goes on."),
+    option(
+        "--out",
+        metavar="FILE",
+        help="Result with units: .nc, or .zarr for more than fits into memory. Interrupted, the same command goes on.",
+    ),
 ]
 
 
@@ -57,10 +73,11 @@ def sweep(
     model: Model,
     over: Over = None,
     design: DesignKind = "grid",
+    fitted: FittedFile = None,
     samples: Samples = None,
     seed: Seed = 0,
     outputs: Kept = None,
-    keep: Keep = _KEEP,
+    keep: Keep = None,
     effects: With = None,
     settings: Set = None,
     preset: Preset = None,
@@ -74,14 +91,9 @@ def sweep(
     runtime: Runtime = "native",
 ) -> None:
     """Run a component or any FMU over many values of its parameters, or a sweep that a TOML file describes."""
-    from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
-    from orchestration.reporting.console import progress, wrote
-    from orchestration.sweeps import picture
+    from orchestration.reporting import console
 
-    Outputs(
-        {"the model": model_file(model)}, {"--out": out, "--plot": plot}, {"--out": _NETCDF, "--plot": pictures.FORMATS}
-    ).check()
+    _check_outputs(model, fitted, out, plot)
     folder = out and out.with_name(f"{out.name}.part")
     how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder}
     if Path(model).suffix.lower() in _TOML:
@@ -89,19 +101,53 @@ def sweep(
         work = _of_file(Path(model))
     else:
         what = {
-            "stop": stop, "step": step, "kind": design, "samples": samples, "seed": seed,
-            "outputs": comma_list(outputs), "keep": comma_list(keep),
+            "stop": stop, "step": step, "kind": design, "samples": samples, "seed": seed, "fitted": fitted,
+            "outputs": comma_list(outputs), "keep": comma_list(keep) if keep is not None else None,
         }  # fmt: skip
         work = _of_options(model, over or [], runtime, comma_list(effects), settings or [], preset, what)
-    with progress() as tell:
+    with console.progress() as tell:
         tell(f"sweeping {model}")
         data = work(progress=tell.done, **how)
     _show(data)
-    if out is not None:
-        _keep(data, out, folder)
+    _finish(data, out, folder, plot)
+
+
+def _check_outputs(model: str, fitted: Path | None, out: Path | None, plot: Path | None) -> None:
+    from orchestration.cli.models import model_file
+    from orchestration.reporting import pictures
+    from orchestration.sweeps import stored
+
+    store = out if out is not None and out.suffix.lower() == _ZARR else None
+    Outputs(
+        {"the model": model_file(model), "the fit": fitted},
+        {"--out": None if store else out, "--plot": plot},
+        {"--out": _DATASET, "--plot": pictures.FORMATS},
+        {"--out": store} if store else {},
+    ).check()
+    if store is not None:
+        stored.check(store)
+
+
+def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: Path | None) -> None:
+    """Say what a sweep comes to, write it and draw it."""
+    from orchestration.reporting import console
+    from orchestration.sweeps import picture
+    from orchestration.sweeps.sensitivity.analysis import analysis_of, together
+
+    analysis = analysis_of(data.attrs["design"])
+    shown, whole = data, data
+    draw: Callable[[xarray.Dataset, Path], None] = picture.draw
+    try:
+        if analysis is not None:
+            shown, draw = analysis.analyse(data), analysis.draw
+            console.out.print(analysis.table(shown))
+            whole = together(data, shown)
+    finally:  # cases are kept where there is nothing to be said of them
+        if out is not None:
+            _keep(whole, out, folder)
     if plot is not None:
-        picture.draw(data, plot)
-        wrote(plot)
+        draw(shown, plot)
+        console.wrote(plot)
 
 
 def _of_options(
@@ -111,12 +157,34 @@ def _of_options(
     """Say what is run as options do."""
     from orchestration.api.sweeping import sweep as work
     from orchestration.cli.models import open_model
+    from orchestration.reporting.console import note
+    from orchestration.sweeps.fitted import read_fitted
+    from orchestration.sweeps.reductions import KEPT
+    from orchestration.sweeps.sensitivity import tornado
 
-    opened, named = open_model(model, runtime, effects), _named(over)
+    opened, fitted = open_model(model, runtime, effects), what.pop("fitted")
+    fit = None if fitted is None else read_fitted(fitted, opened)
+    named: dict[str, Any] = _named(over) if fit is None else _drawn(fit, over, what)
+    what["keep"] = [*KEPT] if what["keep"] is None else what["keep"]
     # what is swept goes through its values whatever a preset has for it
-    usual = {name: value for name, value in opened.settings([], preset).items() if name not in named}
+    kept = what["kind"] == tornado.KIND  # where the others stay meanwhile
+    usual = {name: value for name, value in opened.settings([], preset).items() if kept or name not in named}
     given = usual | opened.settings(settings)
+    for line in [] if fit is None else fit.differences(given):
+        note(line)
     return lambda **how: work(opened, named, settings=given, **what, **how)
+
+
+def _drawn(fit: Fitted, over: list[str], what: dict[str, Any]) -> dict[str, Any]:
+    """Draw parameters from a fit in place of those that options name, and keep traces, which bands are of."""
+    from orchestration.sweeps.reductions import TRACE
+    from orchestration.sweeps.sensitivity.bands import KIND
+
+    if over or what["kind"] != "grid":
+        raise UserError(f"--fitted {fit.path}: parameters are drawn from it; leave out --over and --design")
+    drawn = fit.draws(what["samples"], what["seed"])
+    what.update(kind=KIND, samples=None, keep=[TRACE] if what["keep"] is None else what["keep"])
+    return drawn
 
 
 def _of_file(path: Path) -> Callable[..., xarray.Dataset]:
@@ -154,8 +222,9 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of: they are nowhere else."""
     from orchestration.experiment import results
     from orchestration.reporting.console import wrote
+    from orchestration.sweeps import stored
 
-    results.write(data, out)
+    (stored if out.suffix.lower() == _ZARR else results).write(data, out)
     if parts is not None:
         shutil.rmtree(parts, ignore_errors=True)
     wrote(out)
@@ -166,14 +235,19 @@ def _show(data: xarray.Dataset) -> None:
     import numpy as np
 
     from orchestration.reporting.console import note, out, plain_table
+    from orchestration.sweeps.traces import pieces
 
     cases = int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
     out.print(f"{data.attrs['model']}: {cases:,} cases, {_RAN[data.attrs['engine']]}")
     columns = ("smallest", "largest")
     table = plain_table(None, "over all cases", *columns, "unit", right=columns)
     for name, array in data.items():
-        if name != "failure" and bool(np.isfinite(array).any()):
-            table.add_row(str(name), f"{float(array.min()):.6g}", f"{float(array.max()):.6g}", array.units)
+        if name == "failure":
+            continue
+        ends = [(np.fmin.reduce(part, axis=None), np.fmax.reduce(part, axis=None)) for part in pieces(array)]
+        smallest, largest = np.fmin.reduce([low for low, _ in ends]), np.fmax.reduce([high for _, high in ends])
+        if np.isfinite(smallest):
+            table.add_row(str(name), f"{smallest:.6g}", f"{largest:.6g}", array.units)
     out.print(table)
     if "failure" in data:
         reasons = data["failure"].values.ravel()

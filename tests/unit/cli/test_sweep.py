@@ -91,6 +91,7 @@ def test_what_a_preset_sets_can_be_swept(tmp_path):
         (["--over", "tau=1..2:3", "--out", "c.csv"], ".nc"),
         (["--over", "tau=1..2:3", "--outputs", "y"], "no output named 'y'"),
         (["--over", "u=1..2:3"], "swept, and set"),
+        (["--over", "tau=1..2:3", "--keep", "trace", "--plot", "c.png"], "numbers are drawn over parameters"),
         ([], "--over"),
     ],
 )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import numpy as np
 import pytest
 
@@ -67,6 +70,43 @@ def test_a_case_that_ends_its_worker_fails_alone(tmp_path, workers):
     assert "process that ran it ended" in str(found["failure"].values[bad][0])
     assert (found["failure"].values[~bad] == "").all()
     assert np.isfinite(found["x_last"].values[~bad]).all()
+
+
+def unpacked(folder):
+    """What of an FMU stands anywhere in a folder."""
+    return [path for path in folder.rglob("*") if path.suffix in (".fmu", ".so", ".xml") or "ppy-" in path.name]
+
+
+@pytest.mark.parametrize("ends", ["by itself", "killed", "interrupted"])
+def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
+    """On workers that go on, nor where one was killed, nor where they were busy when nobody wanted more."""
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))  # for the workers
+    seen = []
+
+    def watch(done, whole):
+        seen.extend(unpacked(tmp_path))
+        if done >= 20 and ends == "interrupted":
+            raise KeyboardInterrupt
+        if done >= 20 and ends == "killed" and killed:
+            os.kill(killed.pop(), signal.SIGKILL)
+
+    call = {"over": {"tau": "0.5..4:200"}, "inputs": {"u": 1.0}, "time": np.linspace(0.0, 5.0, 5001), "progress": watch}
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
+        ) as made,
+        distributed.Client(made, set_as_default=False) as client,
+    ):
+        killed = [next(iter(client.run(os.getpid).values()))]
+        if ends == "interrupted":
+            with pytest.raises(KeyboardInterrupt):
+                ppy.sweep(lag, **call, scheduler=made.scheduler_address)
+        else:
+            assert "failure" not in ppy.sweep(lag, **call, scheduler=made.scheduler_address)
+            assert unpacked(tmp_path) == []
+    assert seen, "it was there"
+    assert unpacked(tmp_path) == []
 
 
 def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):

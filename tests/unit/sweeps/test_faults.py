@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
+import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from fmus.kit import UserError
 from orchestration.fmu.repeated import RepeatedFmu
 from orchestration.sweeps.journal import Journal
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
+from tests.support.small_disk import disk_of_64_kib
+from tests.support.source import ROOT
 
 TIME = 0.1 * np.arange(51)
 
@@ -26,15 +29,26 @@ def lag(tmp_path_factory):
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A file system of 64 KiB."""
+    with disk_of_64_kib(tmp_path / "disk") as folder:
+        yield folder
+
+
+def test_a_small_disk_goes_with_the_process_that_has_it(tmp_path):
+    """Killed, it unmounts nothing itself."""
+    program = (
+        "import sys, time, pathlib; from tests.support.small_disk import disk_of_64_kib\n"
+        "with disk_of_64_kib(pathlib.Path(sys.argv[1])): print('there', flush=True); time.sleep(60)"
+    )
     folder = tmp_path / "disk"
-    folder.mkdir()
-    if sys.platform != "linux" or shutil.which("mount") is None:
-        pytest.skip("a small disk is made with mount of Linux")
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder], capture_output=True).returncode:
-        pytest.skip("this user may not mount a file system")
-    yield folder
-    subprocess.run(["umount", "-l", folder], check=True)
+    with subprocess.Popen([sys.executable, "-c", program, folder], cwd=ROOT, stdout=subprocess.PIPE) as running:
+        if running.stdout.readline() != b"there\n":
+            pytest.skip("this user may not mount a file system")
+        assert os.path.ismount(folder)
+        running.kill()
+    until = time.monotonic() + 10.0
+    while os.path.ismount(folder) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not os.path.ismount(folder)
 
 
 def ran(monkeypatch):

@@ -1,0 +1,115 @@
+"""Whole courses of outputs on disk: written case by case, read in parts, so that they need not fit into memory."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+Array = NDArray[np.float64]
+_AT_ONCE = 8_000_000  # bytes of a piece
+
+
+class TraceFile:
+    """Traces of all cases in one file, by cases, outputs and points; as large as all of them from the start.
+
+    It is written into, and not mapped: what is mapped counts as memory of the process, and where there is no room for
+    it, writing ends the process.
+
+    Parameters
+    ----------
+    path : Path
+    mode : {"w+", "r+"}
+        Made anew, or gone on with.
+    shape : tuple of int
+        Cases n, outputs m and points.
+
+    Raises
+    ------
+    OSError
+        If there is no room, or it cannot be written.
+    ValueError
+        If it is of another shape.
+    """
+
+    def __init__(self, path: Path, mode: str, shape: tuple[int, int, int]):
+        self.path, self.shape = path, shape
+        if mode == "w+":
+            np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape)
+            reserve(path)
+        there = np.load(path, mmap_mode="r")
+        if there.shape != shape or there.dtype != np.dtype("f8"):
+            raise ValueError(f"{path.name} is of another shape")
+        self._first, self._bytes = int(there.offset), 8 * shape[1] * shape[2]
+
+    def write(self, row: int, trace: Array) -> None:
+        """Write the trace (points, m) of a case."""
+        with self.path.open("r+b") as file:
+            file.seek(self._first + row * self._bytes)
+            file.write(np.ascontiguousarray(trace.T).data)
+
+    def of(self, output: int, shape: tuple[int, ...]) -> Any:
+        """Return the traces of one output, the cases in a shape, as something that reads what is asked of it."""
+        first = self._first + 8 * output * self.shape[2]
+        return indexing.LazilyIndexedArray(_Traces(self.path, first, self._bytes, (*shape, self.shape[2])))
+
+
+class _Traces(BackendArray):
+    """Traces of one output in a file, read when they are used: those of the first case at a byte, of others later."""
+
+    def __init__(self, path: Path, first: int, apart: int, shape: tuple[int, ...]):
+        self._path, self._first, self._apart, self.shape, self.dtype = path, first, apart, shape, np.dtype("f8")
+
+    def __getitem__(self, key: Any) -> Any:
+        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, self._read)
+
+    def _read(self, key: tuple[Any, ...]) -> Array:
+        """Read what a key of integers and slices asks for, and nothing else: mapped, it would count as memory."""
+        *cases, points = key
+        rows = np.arange(int(np.prod(self.shape[:-1]))).reshape(self.shape[:-1])[tuple(cases)]
+        at = np.arange(self.shape[-1])[points]
+        found = np.empty((*rows.shape, *at.shape))
+        if not found.size:
+            return found
+        low, high = int(at.min()), int(at.max())
+        with self._path.open("rb") as file:
+            for row, place in zip(rows.ravel(), np.ndindex(rows.shape), strict=True):
+                file.seek(self._first + int(row) * self._apart + 8 * low)
+                found[place] = np.fromfile(file, "f8", high - low + 1)[at - low]
+        return found
+
+
+def pieces(array: xarray.DataArray) -> Iterator[Array]:
+    """Give the values of an array in pieces that are small enough for memory, of its cases one after the other."""
+    divided = next((dim for dim in array.dims if array.sizes[dim] > 1), None)
+    if array.nbytes <= _AT_ONCE or divided is None:
+        yield array.values
+        return
+    half = array.sizes[divided] // 2
+    for part in (slice(half), slice(half, None)):
+        yield from pieces(array.isel({divided: part}))
+
+
+def reserve(path: Path) -> None:
+    """Take room on the disk for all of a file, which nothing else can take then.
+
+    Raises
+    ------
+    OSError
+        If there is none.
+    """
+    size = path.stat().st_size
+    if hasattr(os, "posix_fallocate"):
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+    elif shutil.disk_usage(path.parent).free < size:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
