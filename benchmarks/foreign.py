@@ -2,7 +2,8 @@
 
 `python -m benchmarks.foreign --records 24 --clean 24 --seed 1` draws records as `benchmarks.hidden` and
 `benchmarks.clean` do, builds the native FMU of the model under test, and gives it away without its class, so that it is
-anybody's FMU. All parameters that are not known are fitted from outside. What is inside an FMU can be told from outside
+anybody's FMU. All parameters that are not known are fitted from outside, starting states among them where a record does
+not begin at rest. What is inside an FMU can be told from outside
 as a correction only; so that what counts is whether it is right to tell anything, and what that gains on data that no
 fit has seen.
 """
@@ -58,7 +59,8 @@ def judge_hidden(case: HiddenCase) -> Row:
 
 def _told(drawn: CleanRecord) -> Row:
     model = replace(find_model(drawn.plant.model), cls=None)
-    fit = [n for n in drawn.plant.nominal if n not in drawn.plant.known and n in model.parameters]
+    starts = [] if drawn.case.at_rest else [f"{state}_start" for state in drawn.plant.states]
+    fit = [n for n in (*drawn.plant.nominal, *starts) if n not in drawn.plant.known and n in model.parameters]
     began = clock.process_time()
     with tempfile.TemporaryDirectory() as folder:
         path = drawn.write(Path(folder) / "record.csv")
