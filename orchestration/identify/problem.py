@@ -1,8 +1,7 @@
 """Output-error problem: residuals of a component's free run over a record, with exact derivatives.
 
-A residual is measured minus simulated (Ljung: System Identification, section 3.2).
-
-Parameters that are positive by nature are searched in their logarithm, others in units of their size.
+A residual is measured minus simulated (Ljung: System Identification, section 3.2). Parameters that are positive by
+nature are searched in their logarithm, others in units of their size.
 """
 
 from __future__ import annotations
@@ -189,6 +188,8 @@ class Problem:
         Of the noise of outputs, where it is to be the same whatever a model leaves, so that likelihoods are comparable.
     colour : Mapping of str to ndarray
         Coefficients of the noise's autoregression, likewise.
+    held : list of int
+        Coordinates that stay where a search starts.
 
     Raises
     ------
@@ -225,6 +226,7 @@ class Problem:
         self.out_of_time: Callable[[], bool] = lambda: False
         self.freedom: Mapping[str, float] = {}
         self.colour: Mapping[str, Array] = {}
+        self.held: list[int] = []
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -305,6 +307,7 @@ class Problem:
         for i, samples in self._delays(q):
             ends = np.floor(samples) + np.array([_EDGE, 1.0 - _EDGE])
             low[i], high[i] = np.clip([self._delay(i, end) for end in ends], low[i], high[i])
+        low[self.held] = high[self.held] = q[self.held]
         return low, high
 
     def beyond(self, q: Array) -> Array | None:
@@ -318,8 +321,8 @@ class Problem:
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
         """Return which coordinates are delays, and how many samples long each is."""
-        delays = [i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()]
-        return [(i, self.scales[i].value(q[i]) / self._step) for i in delays]
+        named = {i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()}
+        return [(i, self.scales[i].value(q[i]) / self._step) for i in sorted(named.difference(self.held))]
 
     def _delay(self, i: int, samples: float) -> float:
         return self.scales[i].position(samples * self._step)
@@ -335,8 +338,7 @@ class Problem:
 def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
     """Return samples (n,) of which the noise, and little else, makes what a model leaves."""
     alive = np.diff(measured, prepend=np.nan) != 0.0
-    near = np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0
-    far = alive & ~near
+    far = alive & ~(np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0)
     return np.asarray(far if far.sum() > max(_FEWEST_CALM, 0.1 * alive.sum()) else alive)
 
 

@@ -25,17 +25,17 @@ _STYLE = {
 }  # fmt: skip
 
 
-def panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
-    """Make a figure of panels, one above the other, that share the time axis."""
+def panels(count: int, title: str, over: str | None = "time [s]") -> tuple[Figure, list[Axes]]:
+    """Make a figure of panels, one above the other, that share the named axis; each has its own without a name."""
     import matplotlib.style
     from matplotlib.figure import Figure
 
     with matplotlib.style.context(_STYLE):
-        figure = Figure(figsize=(9, 1.0 + 1.9 * count), layout="constrained")
-        axes = figure.subplots(count, 1, sharex=True, squeeze=False)
+        figure = Figure(figsize=(9, 1.0 + (1.9 if over else 2.9) * count), layout="constrained")
+        axes = figure.subplots(count, 1, sharex=over is not None, squeeze=False)
     title = title.encode(errors="backslashreplace").decode()  # a file name may hold bytes that no font can draw
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-    axes[-1, 0].set_xlabel("time [s]")
+    axes[-1, 0].set_xlabel(over or "")
     return figure, list(axes.flat)
 
 
