@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, norm
 from scipy.stats import t as student
 
 from orchestration.identify.noise import tails
-from orchestration.identify.noise.autoregression import autoregression, segments
+from orchestration.identify.noise.autoregression import autoregression, segments, yule_walker
 from orchestration.identify.noise.model import Noise, estimate, noise_std
 from orchestration.identify.noise.tails import heavy_tails
 from tests.support.diagnosis import coloured
@@ -153,3 +153,11 @@ def test_a_colour_that_is_known_is_kept_and_the_deviation_is_the_likeliest():
     expected = np.append(values[0] * np.sqrt(1.0 - 0.8**2), values[1:] - 0.8 * values[:-1])
     assert found.coefficients == pytest.approx([0.8])
     assert found.deviation == pytest.approx(np.sqrt(np.mean(expected**2)))
+
+
+@pytest.mark.parametrize("bad", [np.inf, np.nan])
+@pytest.mark.parametrize("lags", [2, 3, 21])
+def test_a_residual_that_has_run_away_is_no_complaint_of_lapack(bad, lags, capfd):
+    with pytest.raises(np.linalg.LinAlgError):
+        yule_walker(np.full(lags, bad), 100)
+    assert capfd.readouterr() == ("", "")
