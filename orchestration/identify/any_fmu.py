@@ -8,9 +8,9 @@ solver grows with its reciprocal, so that of a ladder of steps those are best of
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
@@ -76,17 +76,25 @@ class FmuWithDifferences:
         self._path, self._names, self._outputs = model.path, list(names), list(outputs)
         self._settings, self._workers = dict(settings or {}), workers
         self._steps: dict[str, tuple[float, float]] = {}
-        self._open = ExitStack()
+        self._open, self._is_open = ExitStack(), False
+
+    @contextmanager
+    def opened(self) -> Iterator[None]:
+        """Have it open, again if it was closed."""
+        with nullcontext() if self._is_open else self:
+            yield
 
     def __enter__(self) -> FmuWithDifferences:
         self._fmu = self._open.enter_context(RepeatedFmu(self._path))
         if self._workers > 1:
             self._pool = self._open.enter_context(workers(self._workers, _begin, self._path))
+        self._is_open = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._is_open = False
         self._open.__exit__(kind, error, trace)
 
     def run(

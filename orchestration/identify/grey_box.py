@@ -8,9 +8,11 @@ allow for coloured residuals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +21,19 @@ from scipy.stats import norm
 from fmus.kit.errors import UserError
 from fmus.kit.units import Described, allowed, shown
 from orchestration.identify import prediction_error, presentation
-from orchestration.identify.covariance import Covariance, sandwich
+from orchestration.identify.any_fmu import FmuWithDifferences
+from orchestration.identify.covariance import Covariance, covariance, sandwich
 from orchestration.identify.estimate import Estimate, distribution
 from orchestration.identify.method import Method
 from orchestration.identify.noise.autoregression import autoregression
 from orchestration.identify.noise.model import Noise
 from orchestration.identify.prediction_error import FitResult
 from orchestration.identify.problem import Problem, Subject
+from orchestration.identify.uncertainty.profile import LEVEL, Coordinate, Profile, profile
 from orchestration.reporting.plain import plain_text, preformatted
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 # nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
@@ -53,6 +60,10 @@ class Fit:
         Of every pair of estimates, in searched coordinates; zero where one is not determined.
     logarithmic : tuple of str
         Parameters that were searched in their logarithm.
+    likelihood : Likelihood
+        What was fitted, from which profiles are made.
+    profiles : dict of str to Profile
+        Those that were made, by parameter.
     """
 
     estimates: dict[str, Estimate]
@@ -61,6 +72,53 @@ class Fit:
     declared: Mapping[str, Described]
     correlations: dict[tuple[str, str], float]
     logarithmic: tuple[str, ...]
+    likelihood: Likelihood = field(repr=False, compare=False)
+    profiles: dict[str, Profile] = field(default_factory=dict, repr=False, compare=False)
+
+    def profile(self, name: str, progress: Callable[[str], None] = lambda text: None) -> Profile:
+        """Hold a parameter at values around its estimate and fit the others anew, for an interval without linearising.
+
+        Parameters
+        ----------
+        name : str
+            One that was fitted.
+        progress : callable
+            Told before every fit which it is.
+
+        Returns
+        -------
+        Profile
+            It is in ``profiles`` from now on, and in what is printed.
+
+        Raises
+        ------
+        UserError
+            If the parameter was not fitted, or the FMU cannot be opened again.
+        """
+        if name not in self.estimates:
+            raise UserError(f"no profile of {name}: it was not fitted; there are {', '.join(self.estimates)}")
+        if name not in self.profiles:
+            self.profiles[name] = self.likelihood.profile(name, progress)
+        return self.profiles[name]
+
+    def plot_profiles(self, path: str | Path | None = None) -> Figure:
+        """Draw the profiles that were made: deviance over parameter, the ellipse's parabola, and both intervals.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If there are none, or the file cannot be written.
+        """
+        from orchestration.identify.uncertainty.picture import draw
+
+        if not self.profiles:
+            raise UserError("no profile was made yet: profile(name) makes one")
+        return draw([*self.profiles.values()], None if path is None else Path(path))
 
     @property
     def coupled(self) -> dict[tuple[str, str], float]:
@@ -100,9 +158,14 @@ class Fit:
         return distribution(self.estimates, self.correlations, self.logarithmic).draws(count, seed)
 
     @property
+    def all_warnings(self) -> list[str]:
+        """Those of the fit, and those of its profiles."""
+        return [*self.warnings, *(text for p in self.profiles.values() for text in p.warnings)]
+
+    @property
     def warning_lines(self) -> list[str]:
         """Warnings as they are printed."""
-        return [f"warning: {text}" for text in self.warnings]
+        return [f"warning: {text}" for text in self.all_warnings]
 
     def __str__(self) -> str:
         return "\n".join([plain_text(presentation.parameters(self)), *self.warning_lines])
@@ -116,7 +179,7 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: parameters, correlations, number of simulations, warnings."""
-        return {
+        figures: dict[str, Any] = {
             "parameters": {
                 name: e.to_dict() | {"logarithmic": name in self.logarithmic} for name, e in self.estimates.items()
             },
@@ -124,6 +187,52 @@ class Fit:
             "simulations": self.evaluations,
             "warnings": self.warnings,
         }
+        return figures | ({"profiles": {n: p.to_dict() for n, p in self.profiles.items()}} if self.profiles else {})
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """What was fitted, to be fitted again with one parameter held.
+
+    Attributes
+    ----------
+    subject : type[Component] or FmuWithDifferences
+    problem : Problem
+    fitted : FitResult
+    spread : Covariance
+        Of the searched coordinates, as the intervals of the fit have it.
+    """
+
+    subject: Subject
+    problem: Problem
+    fitted: FitResult
+    spread: Covariance
+
+    def profile(self, name: str, progress: Callable[[str], None]) -> Profile:
+        """Profile one of the parameters; see `Fit.profile`."""
+        problem, i, fits = self.problem, self.problem.names.index(name), 0
+        own = covariance(self.fitted.information).matrix
+        least = sum(n.deviance(self.fitted.innovation[o], problem.present[o]) for o, n in self.fitted.noise.items())
+        colour = self.spread.matrix[i, i] / own[i, i] if own[i, i] > 0.0 else 1.0
+        tangent = own[i] / own[i, i] if own[i, i] > 0.0 else np.eye(len(own))[i]
+        low, high = problem.bounds()
+
+        def refit(start: Array) -> tuple[Array, float]:
+            nonlocal fits
+            fits += 1
+            progress(f"profile of {name}, fit {fits}")
+            q, deviance = prediction_error.fit_in_noise(problem, np.clip(start, low, high), self.fitted.noise, _METHOD)
+            return q, (deviance - least) / (colour * LEVEL)
+
+        scale = problem.scales[i]
+        error = float(self.spread.standard_errors[i])
+        along = Coordinate(i, scale.value, low[i], high[i], scale.logarithmic, tangent, error)
+        problem.held = [i]
+        try:
+            with self.subject.opened() if isinstance(self.subject, FmuWithDifferences) else nullcontext():
+                return profile(name, problem.declared[name], refit, self.fitted.q, along)
+        finally:
+            problem.held = []
 
 
 def fit(
@@ -182,6 +291,7 @@ def fit(
         {n: problem.declared[n] for n in names},
         _correlations(names, spread),
         tuple(n for n, s in zip(names, problem.scales, strict=True) if s.logarithmic),
+        Likelihood(cls, problem, fitted, spread),
     )
 
 

@@ -262,6 +262,19 @@ def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> A
     return np.asarray(begin + near * (end - begin))
 
 
+def fit_in_noise(problem: Problem, q: Array, noise: Mapping[str, Noise], method: Method) -> tuple[Array, float]:
+    """Fit in noise that is given, without a prior: where it ends, (p,), and the deviance there.
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the search starts.
+    """
+    end = _minimised(problem, q, noise, _prior(problem, None, PRIOR_STD), method, method.trials).q
+    residual, present = problem.evaluate(end)[0], problem.present
+    return end, sum(n.deviance(n.whiten(residual[o], present[o]), present[o]) for o, n in noise.items())
+
+
 def _minimised(
     problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method, trials: int
 ) -> Minimum:

@@ -72,11 +72,12 @@ def parameters(fit: Fit) -> Table:
     -------
     Table
     """
-    columns = ("fitted", "95 % interval", "started from")
+    columns = ("fitted", "95 % interval", *(["95 % by profile"] if fit.profiles else []), "started from")
     table = plain_table(None, "parameter", *columns, right=columns)
     for name, e in fit.estimates.items():
         value, nominal, low, high = (shown(x, fit.declared[name]) for x in (e.value, e.nominal, *e.interval))
-        table.add_row(name, value, f"{low} … {high}", nominal)
+        profiled = [fit.profiles[name].written if name in fit.profiles else ""] if fit.profiles else []
+        table.add_row(name, value, f"{low} … {high}", *profiled, nominal)
     return table
 
 

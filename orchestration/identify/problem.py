@@ -1,8 +1,7 @@
 """Output-error problem: residuals of a component's free run over a record, with exact derivatives.
 
-A residual is measured minus simulated (Ljung: System Identification, section 3.2).
-
-Parameters that are positive by nature are searched in their logarithm, others in units of their size.
+A residual is measured minus simulated (Ljung: System Identification, section 3.2). Parameters that are positive by
+nature are searched in their logarithm, others in units of their size.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.identify.delay import DelayedModel
 from orchestration.identify.least_squares import SearchEndedError
 from orchestration.identify.noise.autoregression import ORDER
-from orchestration.identify.noise.model import Noise, estimate
+from orchestration.identify.noise.model import Noise, calm, estimate
 from orchestration.records.input_steps import input_steps
 from orchestration.records.joined import Run, base_name, joined, sampled_alike
 
@@ -31,8 +30,6 @@ Subject = type[Component] | FmuWithDifferences
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
 _EFFORT, _EFFORTS = 50.0, 3e5
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
-_SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
-_FEWEST_CALM = 100  # samples
 _SMALLEST = float(np.log(np.finfo(float).tiny))  # where a search goes on from a value that another took to zero
 _NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
 
@@ -189,6 +186,8 @@ class Problem:
         Of the noise of outputs, where it is to be the same whatever a model leaves, so that likelihoods are comparable.
     colour : Mapping of str to ndarray
         Coefficients of the noise's autoregression, likewise.
+    held : list of int
+        Coordinates that stay where a search starts.
 
     Raises
     ------
@@ -218,13 +217,14 @@ class Problem:
         # a mask copies a record even where it leaves nothing out
         self._where = {o: slice(None) if p.all() else p for o, p in self.present.items()}
         moved = input_steps(inputs, len(time))
-        self.calm = {o: _calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
+        self.calm = {o: calm(moved, y)[self.present[o]] for o, y in self.measured.items()}
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations, self.effort = 0, max(_EFFORT, _EFFORTS / len(time))
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
         self.freedom: Mapping[str, float] = {}
         self.colour: Mapping[str, Array] = {}
+        self.held: list[int] = []
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -306,6 +306,7 @@ class Problem:
         for i, samples in self._delays(q):
             ends = np.floor(samples) + np.array([_EDGE, 1.0 - _EDGE])
             low[i], high[i] = np.clip([self._delay(i, end) for end in ends], low[i], high[i])
+        low[self.held] = high[self.held] = q[self.held]
         return low, high
 
     def beyond(self, q: Array) -> Array | None:
@@ -319,8 +320,8 @@ class Problem:
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
         """Return which coordinates are delays, and how many samples long each is."""
-        delays = [i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()]
-        return [(i, self.scales[i].value(q[i]) / self._step) for i in delays]
+        named = {i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()}
+        return [(i, self.scales[i].value(q[i]) / self._step) for i in sorted(named.difference(self.held))]
 
     def _delay(self, i: int, samples: float) -> float:
         return self.scales[i].position(samples * self._step)
@@ -331,14 +332,6 @@ class Problem:
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
         inner = np.clip(q, low + nudge, high - nudge)
         return np.where(np.isneginf(inner), _SMALLEST, inner)
-
-
-def _calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
-    """Return samples (n,) of which the noise, and little else, makes what a model leaves."""
-    alive = np.diff(measured, prepend=np.nan) != 0.0
-    near = np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0
-    far = alive & ~near
-    return np.asarray(far if far.sum() > max(_FEWEST_CALM, 0.1 * alive.sum()) else alive)
 
 
 def _scale(declaration: Any, value: float) -> Scale:

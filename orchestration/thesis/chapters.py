@@ -18,12 +18,12 @@ from orchestration.thesis import (
     identification,
     work_loops,
 )
-from orchestration.thesis.analyses import charge_displacement, creep, excitation, potentiostat
+from orchestration.thesis.analyses import charge_displacement, creep, excitation, impedance, potentiostat
 from orchestration.thesis.claim import Claim, Erratum, Illustration
 
 CHAPTERS = {
     "Chapter 2: the bench": (analyser, force_loop),
-    "Chapters 1 and 3: the actuator": (actuator, identification, creep, charge_displacement, excitation),
+    "Chapters 1 and 3: the actuator": (actuator, identification, creep, charge_displacement, excitation, impedance),
     "Chapter 4: degradation": (forgetting, degradation, potentiostat),
     "Chapter 5: the foot": (foot, work_loops),
 }

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import toeplitz
+from scipy.optimize import minimize
 from scipy.signal import lfilter, tf2ss
 
 from orchestration.system.library import periodic_voltage
@@ -134,6 +135,25 @@ def test_row_20_noise_of_an_arx_model_is_coloured_to_the_order_of_the_model():
     assert identification.noise_order([1.0], a) == 3 == claims(20)[0].reproduced
     assert identification.noise_order(a, a) == 0  # as for OE
     assert "86.8 and 75 %" in row(20).holds
+
+
+def test_row_45_armax_contains_arx():
+    """On an ARX record: a free C never makes the loss larger, so that AIC grows by 2 nc / N at most."""
+    noise = np.random.default_rng(45).standard_normal(1000)
+    u = np.sign(np.sin(0.1 * np.arange(1000)))
+    y = lfilter([1.0], [1.0, -0.9], noise) + lfilter([0.0, 0.5], [1.0, -0.9], u)
+    rows = np.column_stack([-y[:-1], u[:-1]])
+
+    def loss(theta):
+        return float(np.mean(lfilter([1.0], [1.0, theta[2]], y[1:] - rows @ theta[:2]) ** 2))
+
+    arx = np.linalg.lstsq(rows, y[1:])[0]
+    armax = minimize(loss, [*arx, 0.0], method="Nelder-Mead").x
+    assert loss(armax) <= loss([*arx, 0.0])
+    (found,) = claims(45)
+    assert found.reproduced == pytest.approx(-9.5 + 2 * 3 / 1000)
+    assert found.reproduced < -9.25  # all that rounds to -9.2 is above
+    assert "at most −9.49 with 1000 samples" in row(45).holds
 
 
 def test_row_30_alpha_is_another_by_a_factor():

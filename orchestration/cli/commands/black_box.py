@@ -47,8 +47,11 @@ def black_box(
         {"the record": record}, {"--report": report, "--json": result, "--out": out},
         {"--report": PAGE, "--json": JSON, "--out": (".py",)},
     ).check()  # fmt: skip
-    counts = {"--orders": orders, "--noise-orders": noise_orders, "--delays": delays}
-    paths, noises, late = (_numbers(name, text) for name, text in counts.items())
+    paths, noises = _numbers("--orders", orders, 1), _numbers("--noise-orders", noise_orders, 1)
+    late = _numbers("--delays", delays, 0)
+    for name, text in (("--inputs", inputs), ("--structures", structures)):
+        if text is not None and not comma_list(text):
+            raise UserError(f"{name} {text!r}: name at least one, or leave the option out")
     with progress() as tell:
         tell(f"identifying models of {output}")
         found = work(
@@ -68,8 +71,12 @@ def black_box(
             note(f"next: ppy build {out}:{class_name(out.stem)}")
 
 
-def _numbers(name: str, text: str) -> list[int]:
+def _numbers(name: str, text: str, least: int) -> list[int]:
+    """Read whole numbers, none of them left out or below the least."""
     try:
-        return [int(one) for one in comma_list(text)]
+        numbers = [int(one) for one in text.split(",")]
     except ValueError:
-        raise UserError(f"{name} {text!r}: write whole numbers, such as 1,2,3") from None
+        numbers = [least - 1]
+    if min(numbers) < least:
+        raise UserError(f"{name} {text!r}: write whole numbers from {least} on, such as 1,2,3")
+    return numbers

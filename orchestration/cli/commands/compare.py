@@ -79,5 +79,5 @@ def show(comparison: Comparison) -> None:
     from orchestration.reporting.console import out, warn
 
     out.print(overview(comparison))
-    for warning in comparison.fit.warnings if comparison.fit else ():
+    for warning in comparison.fit.all_warnings if comparison.fit else ():
         warn(warning)

@@ -158,9 +158,12 @@ def search_orders(
             f"path orders {list(path_orders)}, noise orders {list(noise_orders)}, structures {list(structures)}: "
             "at least one of each, and no order below 1"
         )
+    inputs = len(estimation.input_names)
+    if isinstance(nk, Sequence) and len(nk) != inputs:
+        raise UserError(f"delays {list(nk)}: must be one number, or one for each of {inputs} inputs")
     planned: list[tuple[_Trial, Orders]] = []
     rows, left_out = [], []
-    for trial in _grid(len(estimation.input_names), structures, path_orders, noise_orders):
+    for trial in _grid(inputs, structures, path_orders, noise_orders):
         try:
             planned.append((trial, _orders(estimation, trial, nk)))
         except UserError as error:

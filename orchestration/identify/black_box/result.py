@@ -12,6 +12,7 @@ from orchestration.identify.black_box.models.linear import LinearModel
 from orchestration.identify.black_box.residual_tests import ResidualTests, residual_tests
 
 Array = NDArray[np.float64]
+_LAGS = 25  # of tests of a residual
 _LEAST = 1e-300  # loss that still has a logarithm, where data are without noise
 
 
@@ -95,9 +96,14 @@ class Identification:
         """
         return {p.name: p for p in self.parameters}[name]
 
-    def residual_tests(self, lags: int = 25, significance: float = 0.01) -> ResidualTests:
-        """Test whether the residual is white and independent of the inputs; see :func:`residual_tests`."""
-        return residual_tests(self.residual, self.data.inputs[-len(self.residual) :], lags, significance)
+    def residual_tests(self, lags: int | None = None, significance: float = 0.01) -> ResidualTests:
+        """Test whether the residual is white and independent of the inputs; see :func:`residual_tests`.
+
+        By default up to lag 25, or as far as so few samples tell: a quarter of them.
+        """
+        count = len(self.residual)
+        far = min(_LAGS, count // 4) if lags is None else lags
+        return residual_tests(self.residual, self.data.inputs[-count:], far, significance)
 
     def summary(self) -> str:
         """Return structure, figures, parameters with standard errors, and messages, one line each."""

@@ -88,10 +88,18 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
     -------
     coefficients, variance
         As of :func:`autoregression`.
+
+    Raises
+    ------
+    LinAlgError
+        If the covariance is not finite.
     """
     best: tuple[Array, float] = (np.empty(0), float(covariance[0]))
-    if not 0.0 < covariance[0] < np.inf:  # a simulation that ran away leaves squares beyond what numbers hold
+    if covariance[0] <= 0.0:
         return best
+    if len(covariance) > 1 and not np.isfinite(covariance[0]):
+        # of a residual that has run away; LAPACK would come to the same, and complain on standard error
+        raise np.linalg.LinAlgError("the covariance of a residual is not finite")
     least = n * np.log(covariance[0])
     for order in range(1, len(covariance)):
         toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]

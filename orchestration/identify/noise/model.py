@@ -24,6 +24,8 @@ from orchestration.identify.noise.tails import heavy_tails, weights
 Array = NDArray[np.float64]
 _LEAST = 1e-100  # deviation: a derivative over it must still have a square
 _STATIONARY = 1.0 - 1e-9  # largest modulus of a pole; beyond, a first sample would have no variance
+_SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
+_FEWEST_CALM = 100  # samples
 _FAR = 4.0  # robust deviations at which a sample of a heavy tail is held while correlations are estimated
 
 
@@ -264,3 +266,17 @@ def noise_std(values: Array, differences: int = 2) -> float:
     steps = np.diff(values[np.isfinite(values)], differences)
     scale = float(norm.ppf(0.75)) * np.sqrt(comb(2 * differences, differences))
     return float(np.median(np.abs(steps)) / scale) if steps.size else 0.0
+
+
+def calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
+    """Return samples (n,) of which the noise, and little else, makes what a model leaves.
+
+    Parameters
+    ----------
+    moved : ndarray of bool, shape (n,)
+        Where an input steps.
+    measured : ndarray, shape (n,)
+    """
+    alive = np.diff(measured, prepend=np.nan) != 0.0
+    far = alive & ~(np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0)
+    return np.asarray(far if far.sum() > max(_FEWEST_CALM, 0.1 * alive.sum()) else alive)

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, norm
 from scipy.stats import t as student
 
 from orchestration.identify.noise import tails
-from orchestration.identify.noise.autoregression import autoregression, colour_of, segments
+from orchestration.identify.noise.autoregression import autoregression, segments, yule_walker
 from orchestration.identify.noise.model import Noise, estimate, noise_std
 from orchestration.identify.noise.tails import heavy_tails
 from tests.support.diagnosis import coloured
@@ -155,9 +155,9 @@ def test_a_colour_that_is_known_is_kept_and_the_deviation_is_the_likeliest():
     assert found.deviation == pytest.approx(np.sqrt(np.mean(expected**2)))
 
 
-@pytest.mark.filterwarnings("ignore:overflow")
-def test_what_ran_away_has_no_colour(capfd):
-    """Squares of it are beyond what numbers hold; LAPACK, asked of those, writes to the standard output."""
-    residual = 1e200 * np.linspace(-1.0, 1.0, 300) ** 3
-    assert colour_of(residual, np.ones(300, dtype=bool)).size == 0
+@pytest.mark.parametrize("bad", [np.inf, np.nan])
+@pytest.mark.parametrize("lags", [2, 3, 21])
+def test_a_residual_that_has_run_away_is_no_complaint_of_lapack(bad, lags, capfd):
+    with pytest.raises(np.linalg.LinAlgError):
+        yule_walker(np.full(lags, bad), 100)
     assert capfd.readouterr() == ("", "")

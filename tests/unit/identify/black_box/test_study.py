@@ -109,6 +109,15 @@ def test_a_wall_that_counts_its_samples(public_data):
         (["--output", "lamda"], ["no column 'lamda' (did you mean lambda"]),
         (["--output", "lambda", "--inputs", "drive,fro"], ["no column 'fro'"]),
         (["--output", "lambda", "--orders", "1,x"], ["--orders '1,x'", "whole numbers"]),
+        (["--output", "lambda", "--orders", ","], ["--orders ','", "from 1 on"]),
+        (["--output", "lambda", "--orders", "1,,2"], ["--orders '1,,2'"]),
+        (["--output", "lambda", "--orders", "0"], ["--orders '0'", "from 1 on"]),
+        (["--output", "lambda", "--noise-orders", ""], ["--noise-orders ''"]),
+        (["--output", "lambda", "--delays", ","], ["--delays ','", "from 0 on"]),
+        (["--output", "lambda", "--delays", "-1"], ["--delays '-1'", "from 0 on"]),
+        (["--output", "lambda", "--delays", "1,2,3"], ["delays [1, 2, 3]", "one for each of 2 inputs"]),
+        (["--output", "lambda", "--inputs", ","], ["--inputs ','", "at least one"]),
+        (["--output", "lambda", "--structures", ","], ["--structures ','", "at least one"]),
         (["--output", "lambda", "--structures", "ARXX"], ["structure ARXX: there is none"]),
         (["--output", "lambda", "--share", "1"], ["share = 1"]),
         (["--output", "lambda", "--report", "a.txt"], [".html"]),
@@ -118,6 +127,26 @@ def test_a_wall_that_counts_its_samples(public_data):
 )
 def test_what_cannot_be_is_refused_in_a_line(file, arguments, parts):
     refused(file.parent, "black-box", file.name, *arguments, parts=parts)
+
+
+@pytest.mark.parametrize("samples", [40, 120, 190])
+def test_few_samples_are_tested_as_far_as_they_go(tmp_path, samples):
+    """Half of them estimate: of fewer than a hundred, 25 lags would be more than a quarter."""
+    u, y = data()
+    table = np.column_stack([STEP * np.arange(samples), u[:samples], y[:samples]])
+    np.savetxt(tmp_path / "few.csv", table, delimiter=",", header="time [s],u [V],v [V],y [mm]", comments="")
+    found = ppy.black_box(
+        tmp_path / "few.csv", "y", structures=["OE"], path_orders=[1], noise_orders=[1], delays=[0, 2]
+    )
+    residual = found.chosen.identification.residual
+    assert len(found.residual_tests.autocorrelation) == 1 + len(residual) // 4
+    assert "free running" in str(found)
+    found.report(tmp_path / "few.html")
+
+
+def test_delays_that_are_not_one_for_each_input_are_refused_at_once(file):
+    with pytest.raises(UserError, match=r"delays \[\]"):
+        ppy.black_box(file, "lambda", delays=[])
 
 
 def test_uneven_samples_are_refused(file, tmp_path):

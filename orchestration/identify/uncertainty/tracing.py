@@ -1,0 +1,121 @@
+"""A profile followed from an estimate until it crosses a level: steps, and the root in the last of them.
+
+It is the square root of the deviance that is followed, because it is a straight line for a linear model (Bates and
+Watts: Nonlinear Regression Analysis and Its Applications, 1988, section 6.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from fmus.kit.errors import UserError
+
+Array = NDArray[np.float64]
+Refit = Callable[[Array], tuple[Array, float]]
+_RISE = 0.25  # of the square root from 0 to the level, that a step is meant to bring
+_LONGER, _SHORTER = 2.0, 0.25  # by which a step may differ from the one before
+_MOST = 40  # fits on a side
+_PRECISE = 1e-4  # of the last step, to which a crossing is found
+_LEAST = 1e-2  # of the first step: a shorter one is not tried where the model fails
+
+
+@dataclass
+class Side:
+    """One side of a profile.
+
+    Attributes
+    ----------
+    points : list of ndarray, shape (p,)
+        Where the others were fitted, in the order in which it was done; the estimate is the first.
+    deviance : list of float
+        There, above that of the estimate, over the level that is looked for.
+    crossing : float or None
+        Coordinate at which it is one; None if it was not reached.
+    failed : bool
+        Whether the model could not be simulated farther on.
+    """
+
+    points: list[Array]
+    deviance: list[float]
+    crossing: float | None = None
+    failed: bool = False
+
+
+def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: float) -> Side:
+    """Follow the deviance along one coordinate until it is above one, or to an end.
+
+    Every fit begins where the line through the two before it leads. Steps adapt to how fast the deviance rises, and
+    become shorter where the model fails.
+
+    Parameters
+    ----------
+    refit : callable
+        Where a fit ends that begins at a point and holds coordinate i there, (p,), and the deviance, as in `Side`. A
+        UserError says that there is none.
+    q : ndarray, shape (p,)
+        The estimate.
+    i : int
+        The coordinate.
+    tangent : ndarray, shape (p,)
+        How the others follow it from the estimate; one for itself.
+    step : float
+        The first one; its sign tells the side.
+    end : float
+        Coordinate that is not passed.
+
+    Returns
+    -------
+    Side
+    """
+    side, least = Side([q], [0.0]), _LEAST * abs(step)
+    near, low, high = q, min(q[i], end), max(q[i], end)
+    try:
+        for _ in range(_MOST):
+            x = float(np.clip(near[i] + step, low, high))
+            try:
+                far = _fitted(refit, side, near + (x - near[i]) * tangent, i, x)
+            except UserError:
+                step *= _SHORTER
+                if abs(step) < least:
+                    raise
+                continue
+            if side.deviance[-1] >= 1.0:
+                side.crossing = _crossing(refit, side, near, far, i)
+            if side.crossing is not None or x == end:
+                break
+            rise = _root(side.deviance[-1]) - _root(side.deviance[-2])
+            step *= float(np.clip(_RISE / max(rise, _RISE / _LONGER), _SHORTER, _LONGER))
+            near, tangent = far, (far - near) / (far[i] - near[i])
+    except UserError:
+        side.failed = True
+    return side
+
+
+def _fitted(refit: Refit, side: Side, start: Array, i: int, x: float) -> Array:
+    start[i] = x
+    point, deviance = refit(start)
+    side.points.append(point)
+    side.deviance.append(deviance)
+    return point
+
+
+def _crossing(refit: Refit, side: Side, near: Array, far: Array, i: int) -> float:
+    """Coordinate at which the deviance is one, between the last two points."""
+    known = {near[i]: side.deviance[-2], far[i]: side.deviance[-1]}
+
+    def above(x: float) -> float:
+        if x not in known:
+            _fitted(refit, side, near + (x - near[i]) / (far[i] - near[i]) * (far - near), i, x)
+            known[x] = side.deviance[-1]
+        return _root(known[x]) - 1.0
+
+    return float(brentq(above, near[i], far[i], xtol=_PRECISE * abs(far[i] - near[i])))
+
+
+def _root(deviance: float) -> float:
+    return float(np.sqrt(max(deviance, 0.0)))
