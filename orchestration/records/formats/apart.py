@@ -1,4 +1,4 @@
-"""Files that a parser in native code reads: in a process of its own, for a damaged one may end it or take all memory."""
+"""Files that a parser in native code reads: in a process of its own, which a damaged one may end."""
 
 from __future__ import annotations
 
