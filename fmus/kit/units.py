@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,6 +18,11 @@ _BASE = {
     "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A",
     "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
 }  # fmt: skip
+_LONGEST = 100  # characters of a unit
+_WRITTEN = re.compile(
+    r"\s*(?:1\s*(?=/)|[^\W\d]\w*|[°%Ω]\w*|[()*/·.]|\s"
+    r"|(?:\^|\*\*)\s*\(?[+-]?\d{1,2}(?:\.\d{1,2})?\)?(?!\s*(?:\^|\*\*|\.?\d)))*"
+)  # factors, or their powers, of which none has a power itself
 
 
 @cache
@@ -49,7 +55,8 @@ def parse(unit: str) -> pint.Unit:
     Parameters
     ----------
     unit : str
-        As pint reads it; ``"1"`` and ``"%"`` are dimensionless.
+        Names that pint knows, as factors of products and quotients, with brackets and powers of up to two digits;
+        ``"1"`` and ``"%"`` are dimensionless.
 
     Returns
     -------
@@ -58,14 +65,16 @@ def parse(unit: str) -> pint.Unit:
     Raises
     ------
     UserError
-        If pint does not know it.
+        If it is none, or pint does not know a name.
     """
     if unit.strip() in ("", "1", "-", "–"):
         return registry().dimensionless
     try:
+        if len(unit) > _LONGEST or not _WRITTEN.fullmatch(unit):
+            raise ValueError  # pint computes what it is given, and 9**9**9**9 takes for ever
         return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
     except Exception as error:
-        raise UserError(f"unknown unit {unit!r}; write it like N, mm, N*s/m, ohm, degC") from error
+        raise UserError(f"unknown unit {unit[:_LONGEST]!r}; write it like N, mm, N*s/m, ohm, degC") from error
 
 
 @lru_cache

@@ -5,17 +5,16 @@ from __future__ import annotations
 import shutil
 import tempfile
 import zipfile
-import zlib
 from pathlib import Path
 from types import TracebackType
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from fmus.kit.errors import UserError
+from orchestration.fmu.bounded import FILE, TEXT, UNREADABLE, check_size, open_zip, parse_xml
 
 _DESCRIPTION = "modelDescription.xml"
-# What zipfile raises on damaged, encrypted or strangely compressed members.
-UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
+_CHUNK = 2**20  # bytes that are looked at together
 
 
 class Archive:
@@ -28,14 +27,14 @@ class Archive:
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, or not of FMI 2.0.
+        If the file is missing, no zip archive, no FMU, not of FMI 2.0, or larger than anything that is read.
 
     Attributes
     ----------
     path : Path
     names : list of str
         Files in it, without folders.
-    description : xml.etree.ElementTree.Element
+    description : Element
         Root of ``modelDescription.xml``.
     """
 
@@ -43,10 +42,7 @@ class Archive:
         self.path = path
         if not path.is_file():
             raise UserError(f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}")
-        try:
-            self._zip = zipfile.ZipFile(path)
-        except UNREADABLE as error:
-            raise UserError(f"{path}: not an FMU (an FMU is a zip archive; this is none, or it is cut off)") from error
+        self._zip = open_zip(path, str(path), "not an FMU (an FMU is a zip archive; this is none, or it is cut off)")
         try:
             self.names = [name for name in self._zip.namelist() if not name.endswith("/")]
             self.description = self._read_description()
@@ -54,13 +50,15 @@ class Archive:
             self._zip.close()
             raise
 
-    def _read_description(self) -> ElementTree.Element:
+    def _read_description(self) -> Element:
         if _DESCRIPTION not in self.names:
             raise UserError(f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)")
+        check_size(str(self.path), _DESCRIPTION, self._zip.getinfo(_DESCRIPTION).file_size, TEXT)
         try:
-            root = ElementTree.fromstring(self._zip.read(_DESCRIPTION))
-        except (ElementTree.ParseError, LookupError, *UNREADABLE) as error:
+            contents = self._zip.read(_DESCRIPTION)
+        except UNREADABLE as error:
             raise UserError(f"{self.path}: {_DESCRIPTION} cannot be read ({error})") from error
+        root = parse_xml(contents, str(self.path), _DESCRIPTION)
         if root.tag != "fmiModelDescription":
             raise UserError(f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'")
         if (version := root.get("fmiVersion")) != "2.0":
@@ -82,17 +80,27 @@ class Archive:
         return sorted({parts[1] for parts in paths if parts[0] == "binaries" and len(parts) > 2})
 
     def read(self, name: str) -> bytes | None:
-        """Contents of a file; None if it is damaged."""
+        """Contents of a file; None if it is damaged, or too large to be read at once."""
         try:
-            return self._zip.read(name)
+            return self._zip.read(name) if self._zip.getinfo(name).file_size <= FILE else None
         except UNREADABLE:
             return None
+
+    def is_whole(self, name: str) -> bool:
+        """Whether a file can be unpacked."""
+        try:
+            with self._zip.open(name) as file:
+                while file.read(_CHUNK):
+                    pass
+        except UNREADABLE:
+            return False
+        return True
 
     def entries(self) -> list[zipfile.ZipInfo]:
         """Everything in the archive, folders too."""
         return self._zip.infolist()
 
-    def interfaces(self) -> list[ElementTree.Element]:
+    def interfaces(self) -> list[Element]:
         """Elements ``CoSimulation`` and ``ModelExchange``, those that are there."""
         return [element for element in self.description if element.tag in ("CoSimulation", "ModelExchange")]
 

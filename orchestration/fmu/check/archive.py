@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import stat
 import uuid
 import zipfile
 from collections.abc import Iterator
@@ -39,7 +40,12 @@ def _form(archive: Archive) -> Iterator[Finding]:
             continue
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             yield Finding(10, "warning", f"{name!r} is compressed by a method many hosts lack; deflate is for all")
-        if archive.read(entry.filename) is None:
+        mode = entry.external_attr >> 16
+        if stat.S_ISLNK(mode):
+            yield Finding(10, "error", f"{name!r} is a symbolic link: it may lead anywhere")
+        if mode & (stat.S_ISUID | stat.S_ISGID):
+            yield Finding(10, "error", f"{name!r} would run with the rights of its owner (setuid)")
+        if not archive.is_whole(entry.filename):
             yield Finding(10, "error", f"{name!r} is damaged, encrypted or cannot be unpacked")
 
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from orchestration.records.formats.apart import apart
 from orchestration.records.formats.binary import read_mat, read_netcdf, read_parquet
 from orchestration.records.formats.labview import read_lvm, read_tdms
 from orchestration.records.formats.text import EXPECTED, read_text
@@ -9,11 +10,11 @@ from orchestration.records.record import refuse
 from orchestration.records.table import Reader, Table
 
 _SIGNATURES: dict[bytes, Reader] = {
-    b"PAR1": read_parquet,
+    b"PAR1": apart(read_parquet),
     b"CDF\x01": read_netcdf,
     b"CDF\x02": read_netcdf,
     b"TDSm": read_tdms,
-    b"MATLAB 5.0": read_mat,
+    b"MATLAB 5.0": apart(read_mat),
     b"LabVIEW Measurement": read_lvm,
     b"\xef\xbb\xbfLabVIEW Measurement": read_lvm,
 }
@@ -57,7 +58,7 @@ def read_table(path: Path) -> Table:
     if content.startswith(b"\x89HDF") or content[512:516] == b"\x89HDF":
         raise refuse(path, "this is an HDF5 file (MATLAB 7.3 is one); save it from MATLAB with -v7")
     if content.startswith(b"MATLAB 7.3") or (extension == ".mat" and b"\x00" in content[:20]):
-        return read_mat(path, content)  # version 4 has no signature
+        return apart(read_mat)(path, content)  # version 4 has no signature
     if extension in _BINARY_EXTENSIONS:
         raise refuse(path, f"this is not {_BINARY_EXTENSIONS[extension]} file, whatever its name says")
     if content.startswith((b"PK\x03\x04", b"\x1f\x8b")):

@@ -10,11 +10,8 @@ from urllib.parse import unquote
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
-from orchestration.fmu.archive import UNREADABLE
+from orchestration.fmu.bounded import TEXT, UNREADABLE, check_size, open_zip
 from orchestration.system.ssp.vocabulary import DESCRIPTION
-
-LARGEST = 2**30  # bytes that an archive, or an FMU in it, may unpack to; ours are below a megabyte
-LARGEST_TEXT = 2**26  # bytes of an XML file
 
 
 class Package:
@@ -71,8 +68,7 @@ class Package:
             size = file.stat().st_size if file.is_file() else 0
         else:
             size = self._zip.getinfo(name).file_size if name in self._zip.namelist() else 0
-        if size > LARGEST_TEXT:
-            raise UserError(f"{self.path}: {name} has {size} bytes; at most {LARGEST_TEXT} are read")
+        check_size(str(self.path), name, size, TEXT)
         return self._read(name)
 
     def _read(self, name: str) -> bytes:
@@ -111,20 +107,13 @@ class Package:
 
 def _opened(path: Path, label: str) -> zipfile.ZipFile:
     """Open a zip archive after a look at what is in it."""
+    opened = open_zip(path, label, "not a zip archive, or one that is cut off")
     try:
-        opened = zipfile.ZipFile(path)
-    except UNREADABLE as error:
-        raise UserError(f"{label}: not a zip archive, or one that is cut off") from error
-    try:
-        total = 0
         for entry in opened.infolist():
             if _leads_out(entry.filename):
                 raise UserError(f"{label}: {entry.filename!r} leads out of the archive; it is not opened")
             if stat.S_ISLNK(entry.external_attr >> 16):
                 raise UserError(f"{label}: {entry.filename!r} is a symbolic link; it is not opened")
-            total += entry.file_size
-        if total > LARGEST:
-            raise UserError(f"{label}: unpacks to {total:.3g} bytes; at most {LARGEST:.3g} are unpacked")
     except UserError:
         opened.close()
         raise

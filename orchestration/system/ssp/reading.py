@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from fmus.kit import units
 from fmus.kit.errors import UserError
+from orchestration.fmu.bounded import parse_xml
 from orchestration.fmu.signal import Value
 from orchestration.system.check import conversion, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
@@ -60,13 +60,7 @@ def read(path: Path, folder: Path) -> System:
 
 
 def _parse(package: Package, name: str) -> Element:
-    contents = package.text(name)
-    if b"<!DOCTYPE" in contents:  # entities can be made to grow without bound, and SSP has no use for them
-        raise UserError(f"{package.path}: {name} has a document type declaration; it is not read")
-    try:
-        return ElementTree.fromstring(contents)
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise UserError(f"{package.path}: {name} is not well-formed XML ({error})") from error
+    return parse_xml(package.text(name), str(package.path), name)
 
 
 class _Reader:

@@ -129,7 +129,7 @@ def test_names_that_do_not_fit_are_told(fmu):
         (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')), "FMI version 3.0; this program knows"),
         (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')), "FMI version 1.0; this program knows"),
         (lambda n, c: (n, c.replace(b"CoSimulation", b"ModelExchange")), "for model exchange only"),
-        (lambda n, c: (n, c[:500]), r"modelDescription\.xml cannot be read \("),
+        (lambda n, c: (n, c[:500]), r"modelDescription\.xml cannot be read: "),
     ],
 )
 def test_descriptions_that_cannot_be_run_are_refused(fmu, tmp_path, edit, message):

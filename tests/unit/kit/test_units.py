@@ -92,6 +92,14 @@ def test_unknown_units_are_refused_in_one_line(unit):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.timeout(10)
+@pytest.mark.parametrize("unit", ["9**9**9**9", "m**9**9", "(9)**9", "m^(9**9)", "m^999", "m" * 10**6, "(" * 10**6])
+def test_what_would_be_computed_for_ever_is_no_unit(unit):
+    with pytest.raises(UserError, match="unknown unit") as caught:
+        units.parse(unit)
+    assert len(str(caught.value)) < 200
+
+
 @pytest.mark.parametrize("unit", ["V/Hz**0.5", "bit"])
 def test_units_that_fmi_cannot_tell_are_refused(unit):
     with pytest.raises(UserError, match="not made of integer powers of SI base units"):

@@ -1,6 +1,8 @@
 """Claims: every file form gives the same record; what is no record is refused in one line that says what and where."""
 
 import builtins
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -258,6 +260,8 @@ def test_an_absent_library_is_named_with_the_command_that_installs_it(tmp_path, 
 
     path = write(tmp_path, b"PAR1" if module == "pyarrow" else b"TDSm", name)
     monkeypatch.setattr(builtins, "__import__", without)
+    (tmp_path / f"{module}.py").write_text("raise ImportError")  # for a process that reads
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])]))
     assert "pip install 'ppy-rig[records]'" in refusal(path)
 
 

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from fmus.kit.errors import UserError
+from orchestration.fmu import bounded
 from orchestration.system import Connection, Member, Port, System, connect, ssp
 from orchestration.system.check import check
 from orchestration.system.ssp import package
@@ -296,7 +297,7 @@ def test_parameters_that_cannot_be_set(archive, tmp_path, value, parts):
         ('<ssd:ParameterBinding source="../gone.ssv"/>', "'../gone.ssv' leads out"),
         ('<ssd:ParameterBinding source="file:///etc/passwd"/>', "'file:///etc/passwd' leads out"),
         ('<ssd:ParameterBinding source="SystemStructure.ssd"/>', "is a SystemStructureDescription, not a ParameterSet"),
-        ('<ssd:ParameterBinding source="resources/drive.fmu"/>', "resources/drive.fmu is not well-formed XML"),
+        ('<ssd:ParameterBinding source="resources/drive.fmu"/>', "it is not well-formed XML"),
         ('<ssd:ParameterBinding><ssd:ParameterMapping/></ssd:ParameterBinding>', "parameter mappings are not known"),
         ('<ssd:ParameterBinding sourceBase="component" source="x"/>', "inside of an FMU"),
     ],
@@ -348,7 +349,7 @@ WIRE = '<ssd:Connection startElement="drive" startConnector="force" endElement="
         ("</ssd:Elements>", '<ssd:SignalDictionaryReference name="bus"/></ssd:Elements>',
          ["bus is a SignalDictionaryReference"]),
         ("?>", "?><!DOCTYPE x []>", ["document type declaration"]),
-        ("</ssd:Elements>", "", ["SystemStructure.ssd is not well-formed XML"]),
+        ("</ssd:Elements>", "", ["SystemStructure.ssd cannot be read: it is not well-formed XML"]),
     ],
 )  # fmt: skip
 def test_descriptions_that_cannot_be_followed(system, tmp_path, old, new, parts):
@@ -531,13 +532,13 @@ def test_an_fmu_whose_members_escape(archive, tmp_path):
 def test_a_bomb(archive, tmp_path, monkeypatch):
     other = repacked(archive, None, [("resources/zeros", bytes(10**6))])
     assert other.stat().st_size < 10**5
-    monkeypatch.setattr(package, "LARGEST", 10**6)
+    monkeypatch.setattr(bounded, "UNPACKED", 10**6)
     refused(other, tmp_path / "u", "unpacks to", "at most 1e+06 are unpacked")
     assert not (tmp_path / "u").exists()
 
 
 def test_a_description_without_end(archive, tmp_path, monkeypatch):
-    monkeypatch.setattr(package, "LARGEST_TEXT", 1000)
+    monkeypatch.setattr(package, "TEXT", 1000)
     refused(archive, tmp_path / "u", "SystemStructure.ssd has", "at most 1000 are read")
 
 

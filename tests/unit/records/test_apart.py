@@ -1,0 +1,102 @@
+"""Claims: a file that ends its native parser, or takes its memory or time, is refused in a line; a good one is as ever.
+
+The parser is SciPy's, which some damaged MATLAB files of version 5 end by a signal.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+from fmus.kit import UserError
+from orchestration.records.formats.apart import apart
+from orchestration.records.formats.registry import read_table
+from orchestration.records.record import refuse
+
+TIME = 0.1 * np.arange(50)
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and limits are those of POSIX")
+
+
+def contents():
+    file = io.BytesIO()
+    savemat(file, {"time": TIME, "voltage": np.sin(TIME), "units": {"time": "s", "voltage": "V"}})
+    return bytearray(file.getvalue())
+
+
+def ends(content):
+    """Whether SciPy ends a process that reads it here."""
+    child = os.fork()
+    if child == 0:
+        faulthandler.disable()
+        try:
+            loadmat(io.BytesIO(bytes(content)))
+        finally:
+            os._exit(0)
+    return os.waitpid(child, 0)[1] != 0
+
+
+@pytest.fixture(scope="module")
+def deadly():
+    """Sizes of an array are at byte 177: some of them end the parser."""
+    rng, good = np.random.default_rng(5), contents()
+    for _ in range(300):
+        bad = bytearray(good)
+        bad[177] = int(rng.integers(256))
+        for place in rng.integers(128, len(bad), 2):
+            bad[place] = int(rng.integers(256))
+        if ends(bad):
+            return bytes(bad)
+    pytest.skip("this SciPy reads them all")
+
+
+def test_a_file_that_ends_its_parser_is_refused(deadly, tmp_path):
+    path = tmp_path / "damaged.mat"
+    path.write_bytes(deadly)
+    with pytest.raises(UserError) as caught:
+        read_table(path)
+    assert str(caught.value).startswith(f"{path}: the file is damaged: its reader ended, by SIG")
+
+
+def test_a_good_file_is_read_as_ever(tmp_path):
+    path = tmp_path / "good.mat"
+    path.write_bytes(bytes(contents()))
+    table = read_table(path)
+    assert [(c.name, c.unit) for c in table.columns] == [("time", "s"), ("voltage", "V")]
+    np.testing.assert_array_equal(table.columns[1].cells, np.sin(TIME))
+
+
+def endless(path, content):
+    while True:
+        pass
+
+
+def greedy(path, content):
+    return np.ones(2**31)
+
+
+def strict(path, content):
+    raise refuse(path, "of no use, says the reader")
+
+
+@pytest.mark.parametrize(
+    ("reader", "said"),
+    [
+        (endless, "to read it takes longer than 1 s"),
+        (greedy, "it asks for more memory than it can hold values"),
+        (strict, "of no use, says the reader"),
+    ],
+)
+def test_what_a_reader_does_is_told(reader, said, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))  # where the process finds these readers
+    monkeypatch.setattr("orchestration.records.formats.apart._SECONDS", 1.0 if reader is endless else 20.0)
+    with pytest.raises(UserError) as caught:
+        apart(reader)(tmp_path / "some.mat", b"some")
+    assert str(caught.value).startswith(f"{tmp_path / 'some.mat'}: ")
+    assert str(caught.value).endswith(said)
+    assert "\n" not in str(caught.value)
