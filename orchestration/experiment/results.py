@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 import xarray
 from numpy.typing import NDArray
+from pydantic import BaseModel, Json
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
+from orchestration.experiment.model import checked, parse
 from orchestration.fmu.signal import Signal
 from orchestration.records import write_record
 
@@ -146,7 +148,21 @@ def read(path: Path) -> xarray.Dataset:
         raise UserError(f"{path}: not a result of ppy run, or damaged (.nc and .parquet hold an experiment)") from error
     if "experiment" not in data.attrs:
         raise UserError(f"{path}: holds no experiment; only results of ppy run do")
+    about = checked(_About, data.attrs, f"{path}: not a result of ppy run, or damaged")
+    parse(about.experiment, f"{path}: experiment", str(path.parent))
+    time = data.coords.get("time")
+    if time is None or time.ndim != 1 or not time.size or time.dtype.kind != "f" or not np.isfinite(time).all():
+        raise UserError(f"{path}: not a result of ppy run, or damaged: it has no times")
     return data
+
+
+class _About(BaseModel):
+    """Attributes that are read again."""
+
+    experiment: Json[dict[str, Any]]
+    guids: Json[dict[str, str]]
+    complete: int
+    versions: str
 
 
 def _from_parquet(content: bytes) -> xarray.Dataset:

@@ -199,5 +199,8 @@ def _read(path: Path) -> Model:
     groups: dict[str, dict[str, Signal]] = {"input": {}, "output": {}, "parameter": {}}
     for v in read_description(path).modelVariables:
         if v.causality in groups and (v.type != "String" or v.causality == "parameter"):
-            groups[v.causality][v.name] = read_signal(v)
+            try:
+                groups[v.causality][v.name] = read_signal(v)
+            except UserError as error:
+                raise UserError(f"{path}: {error}") from error
     return Model(path.name, path, None, groups["input"], groups["output"], groups["parameter"])

@@ -59,21 +59,30 @@ class Signal:
 
 
 def read_signal(variable: Any) -> Signal:
-    """Gather what fmpy has read of a scalar variable; type definitions fill what the variable leaves out."""
+    """Gather what fmpy has read of a scalar variable; type definitions fill what the variable leaves out.
+
+    Raises
+    ------
+    UserError
+        If its start value, or an end of its range, is no number.
+    """
 
     def attribute(name: str) -> str | None:
         return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
 
-    def number(text: str | None, default: float) -> float:
+    def number(name: str, text: str | None, default: float) -> float:
         if not text:
             return default
-        return float(text == "true") if text in ("true", "false") else float(text)
+        try:
+            return _WORDS[text] if text in _WORDS else float(text)
+        except ValueError:
+            raise UserError(f"modelDescription.xml: {variable.name}: {name} {text[:40]!r} is no number") from None
 
     unit, doc = attribute("unit") or "1", variable.description or ""
     if type_of(variable) == "string":
         return Signal(variable.name, "string", "1", "1", 0.0, -math.inf, math.inf, doc, variable.start or "")
-    low, high = number(attribute("min"), -math.inf), number(attribute("max"), math.inf)
-    start = number(variable.start, 0.0)
+    low, high = number("min", attribute("min"), -math.inf), number("max", attribute("max"), math.inf)
+    start = number("start", variable.start, 0.0)
     display = attribute("displayUnit") or unit
     return Signal(variable.name, type_of(variable), unit, display, start, low, high, doc)
 

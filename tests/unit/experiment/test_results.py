@@ -10,6 +10,7 @@ import pandas
 import pytest
 import xarray
 
+from fmus.kit import UserError
 from orchestration.experiment import result_page, results
 from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
@@ -278,3 +279,28 @@ def test_a_picture_has_units_on_every_axis(folder, over):
     assert drawn == pytest.approx(1e3 * done.displacement.values)
     result_page.plot(done, folder / "run.png")
     assert (folder / "run.png").read_bytes().startswith(PNG)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"experiment": "{broken"}, "experiment = '{broken': invalid JSON"),
+        ({"experiment": "[]"}, "experiment"),
+        ({"experiment": '{"inputs": 3}'}, "inputs"),
+        ({"guids": "[]"}, "guids = []"),
+        ({"complete": "perhaps"}, "complete = 'perhaps'"),
+        ({"versions": None}, "versions is missing"),
+        ({"time": None}, "it has no times"),
+    ],
+)
+def test_damaged_metadata_are_refused_in_a_line(folder, change, said):
+    works("run", "play.toml", "--out", "good.nc", cwd=folder)
+    good, path = xarray.load_dataset(folder / "good.nc", engine="scipy", decode_times=False), folder / "damaged.nc"
+    about = {n: v for n, v in {**good.attrs, **change}.items() if v is not None and n != "time"}
+    damaged = good.drop_attrs(deep=False).assign_attrs(about)
+    (damaged.drop_vars("time") if "time" in change else damaged).to_netcdf(path, engine="scipy")
+    with pytest.raises(UserError) as caught:
+        results.read(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)

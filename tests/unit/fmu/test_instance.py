@@ -139,6 +139,15 @@ def test_descriptions_that_cannot_be_run_are_refused(fmu, tmp_path, edit, messag
     assert str(caught.value).startswith(str(path))
 
 
+def test_a_start_value_that_is_none_is_refused(fmu, tmp_path):
+    path = edited(
+        fmu("ppy_actuator", "native"), tmp_path / "other.fmu", lambda n, c: (n, c.replace(b'"0.43"', b'"0x1"'))
+    )
+    with pytest.raises(UserError) as caught:
+        find_model(str(path))
+    assert str(caught.value) == f"{path}: modelDescription.xml: R1: start '0x1' is no number"
+
+
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
