@@ -137,10 +137,11 @@ class _Search:
             return (at_origin.pop() if at_origin else self._jacobian(moved(steps))[:, free]) * size
 
         ends = start + (low - origin)[free] / size, start + (high - origin)[free] / size
-        solution = least_squares(
-            rows, start, slopes, ends, ftol=tolerance, xtol=_ROUNDING, gtol=_ROUNDING,
-            max_nfev=max(1, trials - self._tried),
-        )  # fmt: skip
+        with np.errstate(over="ignore"):  # of a trust region that comes to nothing where nothing is left to gain
+            solution = least_squares(
+                rows, start, slopes, ends, ftol=tolerance, xtol=_ROUNDING, gtol=_ROUNDING,
+                max_nfev=max(1, trials - self._tried),
+            )  # fmt: skip
         # it stays within the bounds by a rounding error
         at_end, there = solution.active_mask, moved(solution.x)
         there[free] = np.where(at_end < 0, low[free], np.where(at_end > 0, high[free], there[free]))

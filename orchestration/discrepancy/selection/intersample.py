@@ -28,6 +28,7 @@ CLEAR = 10.0  # fall of BIC that overrules the course of an input: very strong e
 # than all: more than twice as much, and more than three standard errors from it.
 _OTHERWISE, _SURELY = 1.0 / 3.0, 9.0
 _POSITIVE = 2.0  # fall of BIC that decides where both ways were fitted: positive evidence (ibid.)
+_TINY = float(np.finfo(float).tiny)
 _MATTERS = 1.0  # standard errors by which a parameter must hang on the choice to be worth a remark
 
 
@@ -166,7 +167,8 @@ def _apart(base: FittedCandidate, other: Mapping[str, Array]) -> float:
     for output, noise in base.fit.noise.items():
         measured = base.problem.measured[output] - other[output]
         moved = measured[base.problem.present[output]] - base.fit.residual[output]
-        squares += float(moved @ moved) / float(np.mean((noise.deviation * base.fit.innovation[output]) ** 2))
+        power = float(np.mean((noise.deviation * base.fit.innovation[output]) ** 2))
+        squares += float(moved @ moved) / max(power, _TINY)  # of a record without noise nothing may be left
     return float(np.sqrt(squares))
 
 

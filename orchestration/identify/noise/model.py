@@ -22,7 +22,7 @@ from orchestration.identify.noise.autoregression import ORDER, colour_of, segmen
 from orchestration.identify.noise.tails import heavy_tails, weights
 
 Array = NDArray[np.float64]
-_LEAST = 1e-100  # deviation: a derivative over it must still have a square
+_LEAST = 1e-30  # deviation, of records without noise: what is measured in units of it must still have a fourth power
 _STATIONARY = 1.0 - 1e-9  # largest modulus of a pole; beyond, a first sample would have no variance
 _SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
 _FEWEST_CALM = 100  # samples
@@ -197,7 +197,7 @@ class Whitening:
 
 def white(residual: Mapping[str, Array]) -> dict[str, Noise]:
     """White Gaussian noise of the size of residuals, (m,) by output."""
-    return {o: Noise(np.empty(0), float(np.sqrt(np.mean(e**2))) or _LEAST) for o, e in residual.items()}
+    return {o: Noise(np.empty(0), max(float(np.sqrt(np.mean(e**2))), _LEAST)) for o, e in residual.items()}
 
 
 def estimate(
@@ -239,13 +239,13 @@ def estimate(
     far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
     noise = _gaussian(np.clip(residual, -far, far), present, order, colour)
     freedom, scale = heavy_tails(noise.whiten(residual, present)[calm], freedom or tails(noise))
-    return Noise(noise.coefficients, (noise.deviation * scale) or _LEAST, freedom)
+    return Noise(noise.coefficients, max(noise.deviation * scale, _LEAST), freedom)
 
 
 def _gaussian(residual: Array, present: NDArray[np.bool_], order: int, colour: Array | None) -> Noise:
     coefficients = colour_of(residual, present, order) if colour is None else colour
     innovation = Noise(coefficients, 1.0).whiten(residual, present)
-    return Noise(coefficients, float(np.sqrt(np.mean(innovation**2))) or _LEAST)
+    return Noise(coefficients, max(float(np.sqrt(np.mean(innovation**2))), _LEAST))
 
 
 def noise_std(values: Array, differences: int = 2) -> float:

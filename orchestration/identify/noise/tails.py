@@ -76,7 +76,10 @@ def curvature(innovation: Array, freedom: float) -> Array:
 
 def _suspect(innovation: Array) -> bool:
     """Whether the kurtosis is more than that of so many Gaussian samples."""
-    kurtosis = np.mean(innovation**4) / np.mean(innovation**2) ** 2
+    power = np.mean(innovation**2)
+    if not power**2 > 0.0:  # nothing is left of a record without noise
+        return False
+    kurtosis = np.mean(innovation**4) / power**2
     return bool(kurtosis > 3.0 + _SUSPECT * np.sqrt(24.0 / len(innovation)))
 
 
