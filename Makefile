@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo hil-demo test test-slow naming clean-study hidden-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: demo hil-demo test test-slow foreign-study naming clean-study hidden-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -13,6 +13,7 @@ help:
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
 	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
+	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"
 	@echo "make public-laws what the laws of four measured systems lack; records where PPY_PUBLIC_DATA says"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
@@ -41,6 +42,9 @@ laws-study: $(VENV)/installed-dev
 
 public-laws: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.public_laws
+
+foreign-study: $(VENV)/installed-dev
+	$(BIN)/python -m benchmarks.foreign --records 16 --clean 12 --seed $(or $(SEED),20261163) --out docs/foreign-fmus.md
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2 --seed $(or $(SEED),700)

@@ -3,9 +3,8 @@
 `python -m benchmarks.foreign --records 24 --clean 24 --seed 1` draws records as `benchmarks.hidden` and
 `benchmarks.clean` do, builds the native FMU of the model under test, and gives it away without its class, so that it is
 anybody's FMU. All parameters that are not known are fitted from outside, starting states among them where a record does
-not begin at rest. What is inside an FMU can be told from outside
-as a correction only; so that what counts is whether it is right to tell anything, and what that gains on data that no
-fit has seen.
+not begin at rest. What is inside an FMU can be told from outside as a correction only; so that what counts is whether
+it is right to tell anything, and what that gains on data that no fit has seen.
 """
 
 from __future__ import annotations
