@@ -13,13 +13,15 @@ from orchestration.api.diagnosed import DiagnosisResult
 from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.simulation import values_of
 from orchestration.discrepancy import before_after, pipeline
-from orchestration.discrepancy.foreign.surrounding import surround
+from orchestration.discrepancy.foreign.surrounding import Surrounded, surround
 from orchestration.discrepancy.note import UnusableRecordError
 from orchestration.discrepancy.report import wording
 from orchestration.fmu.model import Model, find_model
-from orchestration.fmu.signal import numeric
+from orchestration.fmu.signal import Value, numeric
 from orchestration.records import Record
 from orchestration.rig import DRIVEN, HIGHEST, LIMITS
+
+_LINEARISATIONS = 4  # of an FMU at most
 
 
 def diagnose(
@@ -110,32 +112,48 @@ def diagnose(
     if subject.cls is None:
         if compare is not None:
             raise UserError(f"compare: {subject.name} is an FMU without equations; diagnose each record by itself")
-        around = surround(subject, measured, judged, given, fit, progress)
-        subject, measured, judged, given = around.model, around.records, around.holdouts, {}
-        effects, hold = [*MEASUREMENTS] if effects is None else effects, [*hold, *around.at_rest]
+        effects = [*MEASUREMENTS] if effects is None else effects
     elif fit:
         raise UserError(f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves some out")
     options = pipeline.Options(
-        given=numeric(given), effects=effects, hold=hold, each=each, interpolate=interpolate,
-        limits=LIMITS if rig else None, highest_frequency=HIGHEST if rig else float("inf"), time=time,
-        laws=laws,
+        given={} if subject.cls is None else numeric(given), effects=effects, hold=hold, each=each,
+        interpolate=interpolate, limits=LIMITS if rig else None,
+        highest_frequency=HIGHEST if rig else float("inf"), time=time, laws=laws,
     )  # fmt: skip
     later = None if compare is None else matching_record(compare, subject, mapping)
     try:
-        result = pipeline.diagnose(measured, subject, judged, options, progress)
+        if subject.cls is None:
+            result, around = _from_outside(subject, measured, judged, given, fit, options, progress)
+        else:
+            result = pipeline.diagnose(measured, subject, judged, options, progress)
     except UnusableRecordError as error:
         raise unusable(measured, error) from error
     command = diagnosing(measured, named, judged, later, options, settings, mapping, runs)
     command += ["--fit", ",".join(fit)] if fit else []
     if later is None:
-        notes = result.notes if around is None else around.of_recorded(result.notes)
-        return DiagnosisResult(replace(result, notes=notes), command=command, around=around)
+        return DiagnosisResult(result, command=command, around=around)
     try:
         compared = before_after.compare(result, later, options, progress)
     except UnusableRecordError as error:
         raise unusable([later], error) from error
     more = [note for note in compared.notes if note not in result.notes]
     return DiagnosisResult(replace(result, notes=[*result.notes, *more]), compared.changes, compared.later, command)
+
+
+def _from_outside(
+    fmu: Model, measured: Sequence[Record], judged: Sequence[Record], given: Mapping[str, Value], fit: Sequence[str],
+    options: pipeline.Options, progress: Callable[[str], None],
+) -> tuple[pipeline.Result, Surrounded]:  # fmt: skip
+    """Diagnose what stands behind an FMU; where its parameters move beside a correction, it is linearised anew."""
+    around = surround(fmu, measured, judged, given, fit, progress)
+    for left in reversed(range(_LINEARISATIONS)):
+        own = replace(options, hold=[*options.hold, *around.at_rest])
+        result = pipeline.diagnose(around.records, around.model, around.holdouts, own, progress)
+        moved = around.moved_to(result.diagnosis.estimates)
+        if not moved or not left:
+            break
+        around = surround(fmu, measured, judged, given, fit, progress, moved)
+    return replace(result, notes=around.of_recorded(result.notes)), around
 
 
 def unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:

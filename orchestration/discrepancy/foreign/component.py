@@ -27,7 +27,7 @@ from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Signal
 from orchestration.identify.black_box.study.component import class_name, identifiers
 
-SIMULATED, CHANGE = "simulated_{}", "change_of_{}"
+SIMULATED = "simulated_{}"
 IN_FMU, RECORDED = "{}_in_fmu", "{}_as_recorded"
 _HEAD = '''"""{doc}"""
 
@@ -70,7 +70,7 @@ class Behind:
 
 
 def behind(
-    model: Model, measured: Sequence[str], fit: Sequence[str], stop: float, step: float,
+    model: Model, measured: Sequence[str], fit: Mapping[str, float], stop: float, step: float,
     answers: Mapping[tuple[str, str], Response] | None = None,
 ) -> Behind:  # fmt: skip
     """Write and load the component behind an FMU.
@@ -80,16 +80,17 @@ def behind(
     model : Model
     measured : sequence of str
         Outputs that are judged; the other ones are signals only.
-    fit : sequence of str
-        Parameters of the FMU that may change.
+    fit : Mapping of str to float
+        Parameters of the FMU that may change, from values at which it was linearised.
     stop, step : float
         Of its experiment, s.
     answers : Mapping of tuple of str to Response, optional
         Of outputs to inputs: these inputs may be others in the FMU than they were recorded.
     """
     inputs, outputs = real(model.inputs), real(model.outputs)
-    names = dict(zip((*inputs, *outputs), identifiers((*inputs, *outputs)), strict=True))
-    fitted = {p: CHANGE.format(name) for p, name in zip(fit, identifiers(tuple(fit)), strict=True)}
+    every = (*inputs, *outputs, *fit)
+    made = dict(zip(every, identifiers(every), strict=True))
+    names, fitted = {n: made[n] for n in (*inputs, *outputs)}, {p: made[p] for p in fit}
     found, answers = Behind(Component, names, fitted), answers or {}
     moved = [i for i in inputs if any(name == i for _, name in answers)]
     lines = _inputs(names, inputs)
@@ -98,7 +99,7 @@ def behind(
     ]
     lines += [f'    {found.simulated(n)} = Input("{_unit(s)}", doc="{n} of the FMU")' for n, s in outputs.items()]
     for p, name in fitted.items():
-        lines.append(f'    {name} = Parameter(0.0, "1", nominal=0.1, doc="of {p}, relative to its size")')
+        lines.append(_parameter(name, model.parameters[p], fit[p]))
         lines += [
             f'    {found.slope(n, p)} = Input("{_unit(outputs[n])}", doc="what {p} does to {n}")' for n in measured
         ]
@@ -107,7 +108,9 @@ def behind(
     for i in moved:
         lines += _law(IN_FMU.format(names[i]), f"self.{names[i]}", f"What of {i} the FMU gets.")
     for n in measured:
-        terms = [f"self.{found.simulated(n)}"] + [f"self.{c} * self.{found.slope(n, p)}" for p, c in fitted.items()]
+        terms = [f"self.{found.simulated(n)}"] + [
+            f"(self.{c} - {fit[p]!r}) * self.{found.slope(n, p)}" for p, c in fitted.items()
+        ]
         lines += ["", f'    @Output("{_unit(outputs[n])}")']
         lines += _law(names[n], " + ".join([*terms, *more[n].terms]), f"{_doc(outputs[n])}.")[1:]
     lines += [line for n in measured for line in more[n].laws]
@@ -130,9 +133,10 @@ def real(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     return {name: signal for name, signal in signals.items() if signal.type == "real"}
 
 
-def change_of(value: float) -> float:
-    """By how much a parameter changes where it changes by its size."""
-    return abs(value) or 1.0
+def _parameter(name: str, signal: Signal, value: float) -> str:
+    ends = "".join(f", {end}={x!r}" for end, x in (("min", signal.min), ("max", signal.max)) if np.isfinite(x))
+    size = abs(value) or 1.0
+    return f'    {name} = Parameter({value!r}, "{_unit(signal)}"{ends}, nominal={size!r}, doc="{_doc(signal)}")'
 
 
 def _inputs(names: Mapping[str, str], inputs: Mapping[str, Signal]) -> list[str]:

@@ -12,17 +12,19 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.records import joined_dataset
-from orchestration.discrepancy.foreign.component import RECORDED, Behind, behind, change_of, real
+from orchestration.discrepancy.foreign.component import RECORDED, Behind, behind, real
 from orchestration.discrepancy.foreign.response import Response, responses
 from orchestration.discrepancy.note import Note
 from orchestration.fmu.model import Model, model_of
 from orchestration.fmu.signal import Value, numeric
 from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.identify.comparison import fit_model
+from orchestration.identify.estimate import Estimate
 from orchestration.identify.grey_box import Fit
 from orchestration.records import Record
 
 Array = NDArray[np.float64]
+_FAR = 0.01  # relative change of a parameter, from which on an FMU is linearised anew
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,13 @@ class Surrounded:
         inputs = dict.fromkeys(name for _, name in self.answers)
         return [self.behind.names[name] for name in inputs]
 
+    def moved_to(self, estimates: Mapping[str, Estimate]) -> dict[str, float]:
+        """Parameters of the FMU as they were found beside corrections; empty if none is far from where it was."""
+        found = {p: estimates[name].value for p, name in self.behind.fitted.items() if name in estimates}
+        before = {p: float(self.settings.get(p, self.original.parameters[p].start)) for p in found}
+        far = any(abs(found[p] - before[p]) > _FAR * (abs(before[p]) or 1.0) for p in found)
+        return found if far else {}
+
     def of_recorded(self, notes: Sequence[Note]) -> list[Note]:
         """Notes without those of what was simulated, not recorded."""
         own = {v.name for v in self.behind.cls.layout.inputs} - {*self.behind.names.values()}
@@ -78,6 +87,7 @@ def surround(
     given: Mapping[str, Value],
     fit: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
+    at: Mapping[str, float] | None = None,
 ) -> Surrounded:
     """Simulate an FMU over records, and put the component behind it.
 
@@ -94,6 +104,8 @@ def surround(
         order, beside every correction.
     progress : callable
         Told what is being done.
+    at : Mapping of str to float, optional
+        Values of these parameters to linearise at, in place of a first fit.
 
     Raises
     ------
@@ -107,8 +119,8 @@ def surround(
     for name in fit:
         if name not in model.parameters:
             raise UserError(f"fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
-    settings, fitted = dict(given), None
-    if fit:
+    settings, fitted = dict(given) | dict(at or {}), None
+    if fit and at is None:
         progress(f"fitting {', '.join(fit)} of {model.path.name}")
         estimation = _estimation_data(model, records[0], given, whole=bool(holdouts) or len(records) > 1)
         fitted = fit_model(model, estimation.time, estimation.inputs, estimation.measured, fit, given)
@@ -120,7 +132,7 @@ def surround(
         fed = _fed(records[0], model, settings)
         moving = [i for i in real(model.inputs) if i in records[0].signals and np.ptp(fed[i]) > 0.0]
         answers = responses(fmu, time, fed, {}, measured, moving)
-    found = behind(model, measured, fit, float(time[-1] - time[0]), float(np.median(np.diff(time))), answers)
+    found = behind(model, measured, values, float(time[-1] - time[0]), float(np.median(np.diff(time))), answers)
     with FmuWithDifferences(model, fit, [*real(model.outputs)], others) as fmu:
         wrapped = [_wrapped(record, model, found, fmu, settings, measured) for record in every]
     return Surrounded(
@@ -154,7 +166,7 @@ def _wrapped(
     signals |= {found.simulated(o): series for o, series in ran.signals.items()}
     known = {v.name for v in found.cls.layout.inputs}
     signals |= {recorded: fed[i] for i in fed if (recorded := RECORDED.format(found.names.get(i, ""))) in known}
-    for k, (p, value) in enumerate(values.items()):
-        signals |= {found.slope(o, p): ran.sensitivities[o][:, k] * change_of(value) for o in measured}
+    for k, p in enumerate(values):
+        signals |= {found.slope(o, p): ran.sensitivities[o][:, k] for o in measured}
     units = {v.name: v.unit for v in found.cls.layout.variables}
     return replace(record, signals=signals, units={name: units[name] for name in signals})

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from fmus.kit import Component, Effect, stack
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.foreign.component import IN_FMU, ahead, behind, change_of
+from orchestration.discrepancy.foreign.component import IN_FMU, ahead, behind
 from orchestration.discrepancy.foreign.surrounding import Surrounded
 from orchestration.fmu.signal import Value
 from orchestration.system.model import Connection, Member, Port, System
@@ -39,7 +39,7 @@ def corrected(around: Surrounded, component: type[Component]) -> System:
     stop, step = around.behind.cls.experiment
     effects = vars(component)["stacked"][1]
     of_inputs = [effect for effect in effects if _acts_ahead(effect, around.moved)]
-    plain = behind(original, measured, (), stop, step)
+    plain = behind(original, measured, {}, stop, step)
     after = _laid(plain.cls, [effect for effect in effects if effect not in of_inputs], fitted)
     members = [Member(_FMU, original.path, _parameters(around, fitted)), Member.of(_BEHIND, after)]
     connections = [Connection(Port(_FMU, o), Port(_BEHIND, plain.simulated(o))) for o in original.outputs if o in names]
@@ -87,11 +87,5 @@ def _laid(base: type[Component], effects: Sequence[type[Effect]], fitted: Mappin
 
 
 def _parameters(around: Surrounded, fitted: Mapping[str, float]) -> dict[str, Value]:
-    """Parameters of the FMU, each with the change that it had beside the correction."""
-    values = dict(around.settings)
-    for name, change in around.behind.fitted.items():
-        declared = around.original.parameters[name]
-        value = float(values.get(name, declared.start))
-        moved = value + fitted[change] * change_of(value)
-        values[name] = min(max(moved, declared.min), declared.max)
-    return values
+    """Parameters of the FMU, those that were fitted as they were found beside the correction."""
+    return dict(around.settings) | {p: fitted[name] for p, name in around.behind.fitted.items()}

@@ -112,6 +112,20 @@ def test_what_a_sensor_does_is_named(folder, lag, effect, change, value):
     assert found.parameters[name].value == pytest.approx(expected, abs=close)
 
 
+def test_a_parameter_that_moves_far_beside_a_cause_is_as_it_is(folder, lag, tmp_path):
+    """Fitted without the gain it is wrong by more than a tenth, and what it does is not linear so far away."""
+    y = 1.3 * lagged(U, 1.95)
+    found = ppy.diagnose(written(folder, y, "moved.csv"), lag, fit=["tau"], time=np.inf, laws=False)
+    assert found.causes == ["sensor_gain(x)"]
+    for name, true in (("tau", 1.95), ("x_gain", 1.3)):
+        low, high = found.parameters[name].interval
+        assert low <= true <= high
+        assert found.parameters[name].value == pytest.approx(true, rel=0.01)
+    assert found.parameters["tau"].unit == "s"
+    system = read_ssp(found.system(tmp_path / "s.ssp"), tmp_path / "parts")
+    assert system.member("fmu").parameters["tau"] == pytest.approx(1.95, rel=0.01)
+
+
 def test_what_hangs_on_an_input_is_told_over_it(folder, lag):
     """Something of the input reaches the output beside the lag."""
     found = ppy.diagnose(written(folder, lagged(U) + 0.05 * U * np.abs(U), "past.csv"), lag, fit=["tau"], time=np.inf)
