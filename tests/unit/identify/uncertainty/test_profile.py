@@ -3,7 +3,9 @@
 Oracles: the deviance of y = a (1 - exp(-t / tau)) by scipy, with a in closed form; binomial bounds.
 """
 
+import copy
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -201,6 +203,21 @@ def test_a_search_that_is_interrupted_leaves_the_fit_as_it_was():
     assert found.profile("tau").interval == fitted(2, 1.5).profile("tau").interval
 
 
+@pytest.mark.parametrize("copied", [lambda f: pickle.loads(pickle.dumps(f)), copy.deepcopy], ids=["pickle", "copy"])
+def test_a_fit_is_copied_without_its_model(copied):
+    found = fitted(2, 1.5)
+    made = found.profile("tau")
+    again = copied(found)
+    assert str(again) == str(found)
+    assert again.values == found.values
+    assert again.intervals == found.intervals
+    assert again.profile("tau").interval == made.interval
+    assert again.draws(5)["a"].tolist() == found.draws(5)["a"].tolist()
+    with pytest.raises(UserError, match="no profile of a: this is a copy of a fit, without its model; fit again"):
+        again.profile("a")
+    assert found.profile("a").interval[0] < found.values["a"]  # the fit itself is as it was
+
+
 def followed(deviance, low=-10.0, high=10.0, asked=None):
     """Profile of the only coordinate, of a deviance over its level that is given on paper."""
 
@@ -292,6 +309,7 @@ def test_any_fmu_has_profiles(tmp_path):
     measured = 1.0 - np.exp(-time / 0.73) + 0.05 * np.random.default_rng(1).normal(size=101)
     model = find_model(str(build_one_state_fmu(tmp_path)))
     found = fit_model(model, time, {"u": np.ones(101)}, {"x": measured}, ["tau"], {})
+    assert pickle.loads(pickle.dumps(found)).values == found.values
     traced = found.profile("tau")
 
     def squares(log_tau):
