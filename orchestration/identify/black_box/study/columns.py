@@ -69,8 +69,8 @@ def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: floa
     chosen = list(inputs) or [name for name in table.names()[1:] if name != output]
     for name in (output, *chosen):
         if name not in table.names():
-            known = ", ".join(table.names())
-            raise UserError(f"{path}: no column {name!r}{suggestion(name, table.names())}; there are {known}")
+            known = table.names()
+            raise UserError(f"{path}: no column {name!r}{suggestion(name, known, few=len(known))}")
     if not chosen:
         raise UserError(f"{path}: no column is left for an input beside {output} and the first one")
     units = {c.name: c.unit or "1" for c in table.columns if c.name in (output, *chosen)}

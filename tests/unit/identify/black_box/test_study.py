@@ -132,7 +132,11 @@ def test_a_wall_that_counts_its_samples(public_data):
         (["--output", "lambda", "--inputs", ","], ["--inputs ','", "at least one"]),
         (["--output", "lambda", "--structures", ","], ["--structures ','", "at least one"]),
         (["--output", "lambda", "--structures", "ARXX"], ["structure ARXX: there is none"]),
-        (["--output", "lambda", "--share", "1"], ["share = 1"]),
+        (["--output", "lambda", "--share", "1"], ["share = 1", "between 0 and 1"]),
+        (["--output", "lambda", "--share", "nan"], ["share = nan: must be between 0 and 1"]),
+        (["--output", "lambda", "--share", "0.0001"], ["share = 0.0001 of 600 samples: both parts need samples"]),
+        (["--output", "lambda", "--inputs", "drive,lambda"], ["lambda is an input and the output: name it once"]),
+        (["--output", "lambda", "--inputs", "drive,drive"], ["drive is an input twice: name it once"]),
         (["--output", "lambda", "--step", "1s"], ["the first column, 'time', is a time in s", "--step is for"]),
         (["--output", "lambda", "--report", "a.txt"], [".html"]),
         (["--output", "lambda", "--out", "a.fmu"], [".py"]),
@@ -162,6 +166,11 @@ def test_a_step_is_for_a_file_that_counts_by_ones(tmp_path, name):
 def test_a_first_column_that_is_an_input_needs_not_count(tmp_path):
     found = read_columns(counted(tmp_path / "no_clock.csv", np.arange(600) % 7, "v [V]"), "y", ["v", "u"], step=2.0)
     assert found.data.inputs[:9, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 0, 1]
+
+
+def test_columns_that_there_are_are_told_once(file):
+    with pytest.raises(UserError, match=r"no column 'nope' \(there are: time, drive, for, lambda\)$"):
+        read_columns(file, "nope")
 
 
 @pytest.mark.parametrize("samples", [40, 120, 190])
