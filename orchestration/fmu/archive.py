@@ -14,6 +14,7 @@ from fmus.kit.errors import UserError
 from orchestration.fmu.bounded import FILE, TEXT, UNREADABLE, check_size, open_zip, parse_xml
 
 _DESCRIPTION = "modelDescription.xml"
+_VARIABLES = "ModelVariables"
 _CHUNK = 2**20  # bytes that are looked at together
 
 
@@ -119,12 +120,15 @@ def read_description(path: Path) -> Any:
     Raises
     ------
     UserError
-        If the file is missing, no zip, no FMU, or not FMI 2.0 for co-simulation.
+        If the file is missing, no zip, no FMU, not FMI 2.0 for co-simulation, or an element is missing.
     """
     import fmpy
 
-    with Archive(path):  # the outer form only: `ppy check` judges what is in it
-        pass
+    with Archive(path) as archive:  # the outer form only: `ppy check` judges what is in it
+        if not archive.interfaces():
+            raise UserError(f"{path}: {_DESCRIPTION} has neither an element CoSimulation nor ModelExchange")
+        if archive.description.find(_VARIABLES) is None:
+            raise UserError(f"{path}: {_DESCRIPTION} has no element {_VARIABLES}")
     try:
         description = fmpy.read_model_description(str(path), validate=False)
     except Exception as error:

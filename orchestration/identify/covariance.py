@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +35,14 @@ class Covariance:
     def standard_errors(self) -> Array:
         """Standard errors (p,); infinite where a parameter is unidentifiable."""
         return np.where(self.unidentifiable, np.inf, np.sqrt(np.diag(self.matrix)))
+
+    def correlations(self, names: Sequence[str]) -> dict[tuple[str, str], float]:
+        """Correlations of pairs of parameters, of which there are names (p,); zero where one is not determined."""
+        sizes = np.sqrt(np.diag(self.matrix))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            matrix = np.nan_to_num(self.matrix / np.outer(sizes, sizes))
+        pairs = ((i, j) for i in range(len(names)) for j in range(i))
+        return {(names[j], names[i]): float(np.clip(matrix[i, j], -1.0, 1.0)) for i, j in pairs}
 
 
 def covariance(information: Array, prior: ArrayLike = 0.0) -> Covariance:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from orchestration.identify.metrics import number
 
 Array = NDArray[np.float64]
 SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
+_ROUNDING = 1e-6  # eigenvalue below zero, of correlations that may have been written with seven digits
 NOTICEABLE = 0.02  # relative difference below which that is not worth a word
 
 
@@ -90,10 +92,19 @@ class Distribution:
         Raises
         ------
         UserError
-            If count or seed are none.
+            If count or seed are none, or the covariance is that of nothing.
         """
-        if count < 1 or seed < 0:
-            raise UserError(f"{count} draws with seed {seed}: one or more draws, with a seed of zero or more")
+        if not (isinstance(count, Integral) and isinstance(seed, Integral) and count >= 1 and seed >= 0):
+            raise UserError(
+                f"{count} draws with seed {seed}: whole numbers, of one draw or more and a seed from zero on"
+            )
+        sizes = np.sqrt(np.diag(self.covariance))
+        scaled = self.covariance / np.outer(*[np.where(sizes > 0.0, sizes, 1.0)] * 2)  # so that units do not count
+        if not (least := np.linalg.eigvalsh(scaled)[0]) >= -_ROUNDING:
+            raise UserError(
+                f"the correlations of {', '.join(self.names)} contradict each other: their matrix has the eigenvalue "
+                f"{least:.3g}, and none below zero is possible"
+            )
         values, directions = np.linalg.eigh(self.covariance)
         # the symmetric root is the only one, whatever signs the directions have
         root = (directions * np.sqrt(np.clip(values, 0.0, None))) @ directions.T

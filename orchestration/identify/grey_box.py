@@ -60,8 +60,9 @@ class Fit:
         Of every pair of estimates, in searched coordinates; zero where one is not determined.
     logarithmic : tuple of str
         Parameters that were searched in their logarithm.
-    likelihood : Likelihood
-        What was fitted, from which profiles are made.
+    likelihood : Likelihood or None
+        What was fitted, from which profiles are made; a copy and what is pickled are without, for compiled code can be
+        neither.
     profiles : dict of str to Profile
         Those that were made, by parameter.
     """
@@ -72,8 +73,12 @@ class Fit:
     declared: Mapping[str, Described]
     correlations: dict[tuple[str, str], float]
     logarithmic: tuple[str, ...]
-    likelihood: Likelihood = field(repr=False, compare=False)
+    likelihood: Likelihood | None = field(repr=False, compare=False)
     profiles: dict[str, Profile] = field(default_factory=dict, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is copied and pickled."""
+        return self.__dict__ | {"likelihood": None}
 
     def profile(self, name: str, progress: Callable[[str], None] = lambda text: None) -> Profile:
         """Hold a parameter at values around its estimate and fit the others anew, for an interval without linearising.
@@ -93,11 +98,13 @@ class Fit:
         Raises
         ------
         UserError
-            If the parameter was not fitted, or the FMU cannot be opened again.
+            If the parameter was not fitted, the fit is a copy or was pickled, or the FMU cannot be opened again.
         """
         if name not in self.estimates:
             raise UserError(f"no profile of {name}: it was not fitted; there are {', '.join(self.estimates)}")
         if name not in self.profiles:
+            if self.likelihood is None:
+                raise UserError(f"no profile of {name}: this is a copy of a fit, without its model; fit again for one")
             self.profiles[name] = self.likelihood.profile(name, progress)
         return self.profiles[name]
 
@@ -289,18 +296,10 @@ def fit(
         problem.evaluations,
         warnings,
         {n: problem.declared[n] for n in names},
-        _correlations(names, spread),
+        spread.correlations(names),
         tuple(n for n, s in zip(names, problem.scales, strict=True) if s.logarithmic),
         Likelihood(cls, problem, fitted, spread),
     )
-
-
-def _correlations(names: Sequence[str], spread: Covariance) -> dict[tuple[str, str], float]:
-    sizes = np.sqrt(np.diag(spread.matrix))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        matrix = np.nan_to_num(spread.matrix / np.outer(sizes, sizes))
-    pairs = ((i, j) for i in range(len(names)) for j in range(i))
-    return {(names[j], names[i]): float(np.clip(matrix[i, j], -1.0, 1.0)) for i, j in pairs}
 
 
 def _intervals(problem: Problem, fitted: FitResult) -> tuple[Covariance, dict[str, tuple[float, float]], list[str]]:

@@ -62,8 +62,10 @@ class InputOutputData:
         Raises
         ------
         UserError
-            If one of the two would be empty.
+            If it is no share, or one of the two would be empty.
         """
+        if not 0.0 < share < 1.0:
+            raise UserError(f"share = {share:g}: must be between 0 and 1, neither of them")
         first = round(share * len(self))
         if not 0 < first < len(self):
             raise UserError(f"share = {share:g} of {len(self)} samples: both parts need samples")
@@ -105,8 +107,12 @@ def input_output_data(
     if not (np.isfinite(step) and step > 0.0):
         raise UserError(f"step = {step:g} s: must be a finite number above 0")
     names = tuple(f"u{i + 1}" for i in range(u.shape[1])) if input_names is None else tuple(input_names)
-    if len(names) != u.shape[1] or len({*names, output_name}) != len(names) + 1:
-        raise UserError(f"input names {', '.join(names)}: must be {u.shape[1]} that differ, also from {output_name}")
+    if len(names) != u.shape[1]:
+        raise UserError(f"input names {', '.join(names)}: there are {len(names)}, for {u.shape[1]} inputs")
+    if output_name in names:
+        raise UserError(f"{output_name} is an input and the output: name it once")
+    if twice := [name for k, name in enumerate(names) if name in names[:k]]:
+        raise UserError(f"{twice[0]} is an input twice: name it once")
     for kind, name, values in [*(("input", n, c) for n, c in zip(names, u.T, strict=True)), ("output", output_name, y)]:
         if (bad := np.flatnonzero(~np.isfinite(values))).size:
             at, value = bad[0], values[bad[0]]

@@ -36,7 +36,7 @@ _UNEVEN = 0.01  # of a sample period, by which a sample may be off it
 _ROUNDING = 1e-6  # of a window: a sample that rounding puts just beyond its end is in it
 _FEWEST = 12  # samples of a window, four for each parameter
 _NAMES = (("b1_0", "b1_1", "a1"), ("b1_0", "b1_1", "f1_1"))  # of b0, b1 and a in the two models
-_STEP = 1e-7  # relative, of the derivatives of a conversion
+_STEP = 1e-7  # relative, of the derivatives of a conversion; what is closer than that to no circuit is none
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,9 @@ def read_circuit(
     if off.max() > _UNEVEN:
         raise UserError(f"time: sample {np.argmax(off)} is not where equal steps of {step:g} s have it")
     span = t.size * step if window is None else float(window)
-    length = int(np.floor(span / step * (1.0 + _ROUNDING))) if 0.0 < span < np.inf else 0
+    if not 0.0 < span < np.inf:
+        raise UserError(f"a window of {span:g} s: write a finite length above 0, {_FEWEST * step:g} s at least")
+    length = int(np.floor(span / step * (1.0 + _ROUNDING)))
     if length < _FEWEST:
         raise UserError(f"a window of {span:g} s has {length} samples of {step:g} s: it needs {_FEWEST} at least")
     if length > t.size:
@@ -219,13 +221,18 @@ def _circuit(model: Identification, data: InputOutputData, names: tuple[str, ...
     spread = model.covariance[np.ix_(places, places)]
     with np.errstate(invalid="ignore"):
         values = conversion(theta, data.step)
-    if not (np.isfinite(values).all() and (values > 0.0).all()):
+    if _degenerate(*theta) or not (np.isfinite(values).all() and (values > 0.0).all()):
         return Circuit(*(Quantity(np.nan, (np.nan, np.nan), unit) for unit in UNITS.values()))
     slopes = approx_fprime(theta, _logarithm(conversion, data.step), _STEP * np.abs(theta))
     half = float(norm.ppf(0.975)) * np.sqrt(np.diag(slopes @ spread @ slopes.T))
     ends = zip(values * np.exp(-half), values * np.exp(half), strict=True)
     parts = zip(values, ends, UNITS.values(), strict=True)
     return Circuit(*(Quantity(float(x), (float(a), float(b)), unit) for x, (a, b), unit in parts))
+
+
+def _degenerate(b0: float, b1: float, a: float) -> bool:
+    """Whether a circuit is but rounding: no pole, one that does not decay, or one that a zero cancels."""
+    return abs(a) < _STEP or abs(1.0 - abs(a)) < _STEP or abs(b1 - a * b0) < _STEP * max(abs(b0), abs(b1))
 
 
 def _logarithm(conversion: Conversion, period: float) -> Callable[[Array], Array]:

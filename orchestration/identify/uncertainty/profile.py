@@ -59,7 +59,7 @@ class Profile:
     declared : Described
         Unit in which it is read.
     fits : int
-        Made for it.
+        Begun for it, those that failed among them.
     warnings : tuple of str
     """
 
@@ -166,7 +166,7 @@ def profile(name: str, declared: Described, refit: Refit, q: Array, along: Coord
         name, value, values[order], LEVEL * deviance[order],
         (declared.min if low is None else low, declared.max if high is None else high), (low is None, high is None),
         (along.value(q[i] - half), along.value(q[i] + half)), size * along.standard_error, along.logarithmic, declared,
-        sum(len(side.points) - 1 for side in sides),
+        sum(side.fits for side in sides),
         tuple(_warnings(name, declared, sides, values, deviance, ends, at)),
     )  # fmt: skip
 
@@ -177,12 +177,21 @@ def _warnings(
 ) -> list[str]:  # fmt: skip
     """What is to be known of a profile."""
     found = []
+
+    def at_point(x: float) -> str:
+        return shown(float(values[np.flatnonzero(at == x)[0]]), declared)
+
     for word, side, farthest, end in zip(("below", "above"), sides, (at.min(), at.max()), ends, strict=True):
-        to = shown(float(values[np.flatnonzero(at == farthest)[0]]), declared)
-        if side.crossing is None and side.failed:
+        to = at_point(farthest)
+        if side.between is not None:
+            inner, outer = map(at_point, side.between)
+            found.append(
+                f"the end {word} of {name} is interpolated between {inner} and {outer}: no fit could be made there"
+            )
+        elif side.crossing is None and side.failed:
             found.append(f"the profile of {name} ends {word} at {to}: the model cannot be simulated farther on")
         elif side.crossing is None and farthest != end:
-            found.append(f"the profile of {name} ends {word} at {to}, after {len(side.points) - 1} fits")
+            found.append(f"the profile of {name} ends {word} at {to}, after {side.fits} fits")
         elif side.crossing is None:
             found.append(f"this record does not bound {name} {word}: its profile stays below the level as far as {to}")
     if (least := float(LEVEL * deviance.min())) < -_BETTER:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Refit = Callable[[Array], tuple[Array, float]]
 _RISE = 0.25  # of the square root from 0 to the level, that a step is meant to bring
 _LONGER, _SHORTER = 2.0, 0.25  # by which a step may differ from the one before
-_MOST = 40  # fits on a side
+_MOST = 40  # fits on a side, those that failed and those of a crossing among them
 _PRECISE = 1e-4  # of the last step, to which a crossing is found
 _LEAST = 1e-2  # of the first step: a shorter one is not tried where the model fails
 
@@ -38,12 +38,18 @@ class Side:
         Coordinate at which it is one; None if it was not reached.
     failed : bool
         Whether the model could not be simulated farther on.
+    between : tuple of float or None
+        Coordinates between which the crossing was interpolated, where a fit between them failed.
+    fits : int
+        That were begun, those that failed among them.
     """
 
     points: list[Array]
     deviance: list[float]
     crossing: float | None = None
     failed: bool = False
+    between: tuple[float, float] | None = None
+    fits: int = 0
 
 
 def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: float) -> Side:
@@ -56,7 +62,7 @@ def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: floa
     ----------
     refit : callable
         Where a fit ends that begins at a point and holds coordinate i there, (p,), and the deviance, as in `Side`. A
-        UserError says that there is none.
+        UserError, or a deviance that is not finite, says that there is none.
     q : ndarray, shape (p,)
         The estimate.
     i : int
@@ -74,47 +80,60 @@ def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: floa
     """
     side, least = Side([q], [0.0]), _LEAST * abs(step)
     near, low, high = q, min(q[i], end), max(q[i], end)
-    try:
-        for _ in range(_MOST):
-            x = float(np.clip(near[i] + step, low, high))
-            try:
-                far = _fitted(refit, side, near + (x - near[i]) * tangent, i, x)
-            except UserError:
-                step *= _SHORTER
-                if abs(step) < least:
-                    raise
-                continue
-            if side.deviance[-1] >= 1.0:
-                side.crossing = _crossing(refit, side, near, far, i)
-            if side.crossing is not None or x == end:
+    while side.fits < _MOST:
+        x = float(np.clip(near[i] + step, low, high))
+        try:
+            far = _fitted(refit, side, near + (x - near[i]) * tangent, i, x)
+        except UserError:
+            step *= _SHORTER
+            if abs(step) < least:
+                side.failed = True
                 break
-            rise = _root(side.deviance[-1]) - _root(side.deviance[-2])
-            step *= float(np.clip(_RISE / max(rise, _RISE / _LONGER), _SHORTER, _LONGER))
-            near, tangent = far, (far - near) / (far[i] - near[i])
-    except UserError:
-        side.failed = True
+            continue
+        if side.deviance[-1] >= 1.0:
+            _cross(refit, side, near, far, i)
+        if side.crossing is not None or x == end:
+            break
+        rise = _root(side.deviance[-1]) - _root(side.deviance[-2])
+        step *= float(np.clip(_RISE / max(rise, _RISE / _LONGER), _SHORTER, _LONGER))
+        near, tangent = far, (far - near) / (far[i] - near[i])
     return side
 
 
 def _fitted(refit: Refit, side: Side, start: Array, i: int, x: float) -> Array:
     start[i] = x
+    side.fits += 1
     point, deviance = refit(start)
+    if not np.isfinite(deviance):
+        raise UserError(f"the deviance is {deviance:g}")
     side.points.append(point)
     side.deviance.append(deviance)
     return point
 
 
-def _crossing(refit: Refit, side: Side, near: Array, far: Array, i: int) -> float:
-    """Coordinate at which the deviance is one, between the last two points."""
-    known = {near[i]: side.deviance[-2], far[i]: side.deviance[-1]}
+def _cross(refit: Refit, side: Side, near: Array, far: Array, i: int) -> None:
+    """Find the coordinate at which the deviance is one, between the last two points.
+
+    Where no fit can be made that the search asks for, or no more are to be made, a straight line leads from the nearest
+    point below to the nearest above.
+    """
+    known = {float(near[i]): _root(side.deviance[-2]) - 1.0, float(far[i]): _root(side.deviance[-1]) - 1.0}
 
     def above(x: float) -> float:
         if x not in known:
+            if side.fits >= _MOST:
+                raise UserError("no more fits are made")
             _fitted(refit, side, near + (x - near[i]) / (far[i] - near[i]) * (far - near), i, x)
-            known[x] = side.deviance[-1]
-        return _root(known[x]) - 1.0
+            known[x] = _root(side.deviance[-1]) - 1.0
+        return known[x]
 
-    return float(brentq(above, near[i], far[i], xtol=_PRECISE * abs(far[i] - near[i])))
+    try:
+        side.crossing = float(brentq(above, near[i], far[i], xtol=_PRECISE * abs(far[i] - near[i])))
+    except UserError:
+        # what is tried lies between the nearest two, so that these are the last of either kind
+        inner, outer = ([x for x in known if (known[x] < 0.0) == below][-1] for below in (True, False))
+        side.crossing = inner - known[inner] * (outer - inner) / (known[outer] - known[inner])
+        side.between = inner, outer
 
 
 def _root(deviance: float) -> float:

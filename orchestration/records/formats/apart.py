@@ -14,7 +14,8 @@ from fmus.kit.errors import UserError
 from orchestration.records.record import refuse
 from orchestration.records.table import Reader, Table
 
-_SECONDS, _RATE = 10.0, 1e7  # that a file may take at least, and bytes that a reader gets through in a second
+_SECONDS = 60.0  # that a file may take at least: a busy machine with a cold disk is long at starting Python
+_RATE = 1e7  # bytes that a reader gets through in a second
 _MEMORY, _GROWTH = 2**30, 8  # bytes that a process needs at least, and besides for a byte of the file
 
 
@@ -71,6 +72,8 @@ def _bound_memory(size: int) -> None:
 
 
 def _main(module: str, name: str, path: str) -> None:
+    answers = os.dup(1)
+    os.dup2(2, 1)  # what a library prints, from here on, is no part of the answer
     content = sys.stdin.buffer.read()
     reader: Reader = getattr(importlib.import_module(module), name)
     _bound_memory(len(content))
@@ -81,7 +84,9 @@ def _main(module: str, name: str, path: str) -> None:
         answer = str(error)
     except MemoryError:
         answer = str(refuse(Path(path), "the file is damaged: it asks for more memory than it can hold values"))
-    sys.stdout.buffer.write(pickle.dumps(answer))
+    with os.fdopen(answers, "wb") as file:
+        file.write(pickle.dumps(answer))
+    os._exit(0)  # a native library may abort when its threads are taken down, which is no fault of the file
 
 
 if __name__ == "__main__":

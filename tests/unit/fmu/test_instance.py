@@ -129,6 +129,14 @@ def test_names_that_do_not_fit_are_told(fmu):
         (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')), "FMI version 3.0; this program knows"),
         (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')), "FMI version 1.0; this program knows"),
         (lambda n, c: (n, c.replace(b"CoSimulation", b"ModelExchange")), "for model exchange only"),
+        (
+            lambda n, c: (n, c.replace(b"CoSimulation", b"Other")),
+            "has neither an element CoSimulation nor ModelExchange$",
+        ),
+        (
+            lambda n, c: (n, c.replace(b"ModelVariables", b"Variables")),
+            r"Description\.xml has no element ModelVariables$",
+        ),
         (lambda n, c: (n, c[:500]), r"modelDescription\.xml cannot be read: "),
     ],
 )

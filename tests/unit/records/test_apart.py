@@ -5,9 +5,11 @@ The parser is SciPy's, which some damaged MATLAB files of version 5 end by a sig
 
 from __future__ import annotations
 
+import atexit
 import faulthandler
 import io
 import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from fmus.kit import UserError
 from orchestration.records.formats.apart import apart
 from orchestration.records.formats.registry import read_table
 from orchestration.records.record import refuse
+from orchestration.records.table import Column, Table
 
 TIME = 0.1 * np.arange(50)
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and limits are those of POSIX")
@@ -82,6 +85,46 @@ def greedy(path, content):
 
 def strict(path, content):
     raise refuse(path, "of no use, says the reader")
+
+
+def chatty(path, content):
+    """Prints as Python does and, past it, as a native library does."""
+    print("reading", flush=True)
+    print("still in a buffer")
+    os.write(1, b"native code says so")
+    return Table(path, [Column("time", "s", np.arange(3.0))], np.arange(3))
+
+
+def test_what_a_reader_prints_is_no_part_of_the_table(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
+    table = apart(chatty)(tmp_path / "some.mat", b"some")
+    assert table.names() == ["time"]
+    assert table.columns[0].cells.tolist() == [0.0, 1.0, 2.0]
+
+
+def abrupt(path, content):
+    """Leaves behind what ends the process when it is over, as threads of a native library may."""
+    atexit.register(os.abort)
+    return Table(path, [Column("time", "s", np.arange(3.0))], np.arange(3))
+
+
+def test_a_process_that_is_ended_after_its_answer_damages_no_file(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
+    assert apart(abrupt)(tmp_path / "some.mat", b"some").names() == ["time"]
+
+
+def test_a_machine_that_is_slow_at_starting_damages_no_file(tmp_path, monkeypatch):
+    """A minute at least, of which starting Python and importing a reader may take most."""
+    granted = []
+
+    def run(command, timeout, **others):
+        granted.append(timeout)
+        raise subprocess.TimeoutExpired(command, timeout)
+
+    monkeypatch.setattr(subprocess, "run", run)
+    with pytest.raises(UserError, match="takes longer than"):
+        apart(chatty)(tmp_path / "some.mat", b"some")
+    assert granted[0] >= 60.0
 
 
 @pytest.mark.parametrize(

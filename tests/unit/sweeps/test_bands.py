@@ -97,9 +97,24 @@ def test_what_cannot_be_drawn_is_told_in_a_line():
     with pytest.raises(UserError, match="does not determine b: fit without"):
         distribution(open_ended, {("a", "b"): 0.0}, ["b"])
     given = distribution(estimates(a=(1.0, 0.3)), {}, [])
-    for count, seed in ((0, 0), (3, -1)):
+    assert len(given.draws(np.int64(3), np.uint8(1))["a"]) == 3
+    for count, seed in ((0, 0), (3, -1), (-3, 0), (1.5, 0), (np.nan, 0), (3, 0.5), ("3", 0)):
         with pytest.raises(UserError, match=f"{count} draws with seed {seed}"):
             given.draws(count, seed)
+
+
+@pytest.mark.parametrize(("opposed", "allowed"), [(-0.9, False), (-0.5001, False), (-0.5, True), (-0.50000001, True)])
+def test_correlations_that_contradict_each_other_are_refused(opposed, allowed):
+    """Of three that all oppose each other alike the matrix has the eigenvalue ``1 + 2 r``, whatever their units."""
+    of = estimates(a=(1.0, 0.3), b=(2e-9, 1e-10), c=(5e6, 1e5))
+    given = distribution(of, dict.fromkeys([("a", "b"), ("a", "c"), ("b", "c")], opposed), [])
+    if allowed:
+        assert np.isfinite(given.draws(5)["b"]).all()
+    else:
+        with pytest.raises(
+            UserError, match=f"correlations of a, b, c contradict each other.*{1.0 + 2.0 * opposed:.3g}"
+        ):
+            given.draws(5)
 
 
 def test_draws_of_a_fit_have_the_covariance_of_least_squares():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from orchestration.identify.black_box.data import InputOutputData, input_output_
 from orchestration.records import read_record
 from orchestration.records.formats.registry import read_table
 from orchestration.records.mapping import TIME
-from orchestration.records.table import Table, numbers
+from orchestration.records.table import Column, Table, numbers
 
 _UNEVEN = 0.01  # of a sample period, by which samples may be off it
 
@@ -53,7 +53,7 @@ def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: floa
     inputs : sequence of str, optional
         Columns; all but the first and the output unless given.
     step : float, optional
-        Sample period in s, of a file that has no time.
+        Sample period in s, of a file that has no time but counts its samples.
 
     Returns
     -------
@@ -62,22 +62,24 @@ def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: floa
     Raises
     ------
     UserError
-        If the file is refused, has no such column, or its samples are not equally spaced.
+        If the file is refused, has no such column, its samples are not equally spaced, or it has a time and a step is
+        given.
     """
     table = read_table(path)
     chosen = list(inputs) or [name for name in table.names()[1:] if name != output]
     for name in (output, *chosen):
         if name not in table.names():
-            known = ", ".join(table.names())
-            raise UserError(f"{path}: no column {name!r}{suggestion(name, table.names())}; there are {known}")
+            known = table.names()
+            raise UserError(f"{path}: no column {name!r}{suggestion(name, known, few=len(known))}")
     if not chosen:
         raise UserError(f"{path}: no column is left for an input beside {output} and the first one")
     units = {c.name: c.unit or "1" for c in table.columns if c.name in (output, *chosen)}
     if step is None:
-        _check_clock(table)
+        _check_time(table)
         time, values, notes = _recorded(path, units, chosen)
         step = _period(path, time)
     else:
+        _check_count(table, units)
         values, notes = _counted(table, units), ()
     stacked = np.column_stack([values[name] for name in chosen])
     return Columns(path, input_output_data(stacked, values[output], step, chosen, output), units, notes)
@@ -90,18 +92,41 @@ def _recorded(
     return record.time, record.signals, tuple(repair.message for repair in record.repairs)
 
 
-def _check_clock(table: Table) -> None:
+def _check_time(table: Table) -> None:
     """Refuse a file without time, which needs a step."""
     first = table.columns[0]
-    if any(c.name.lower() == TIME for c in table.columns):
-        return
-    try:
-        convert(1.0, first.unit or "1", "s")
-    except UserError:
+    if not _is_time(first) and all(c.name.lower() != TIME for c in table.columns):
         raise UserError(
             f"{table.path}: no column is a time, and the first, {first.name!r}, is in {first.unit or 'no unit'}; give "
             "the sample period, --step"
-        ) from None
+        )
+
+
+def _check_count(table: Table, used: Container[str]) -> None:
+    """Refuse a step for a file that has a time; a first column that is used is neither time nor count."""
+    first = table.columns[0]
+    if first.name in used:
+        return
+    if _is_time(first):
+        raise UserError(
+            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit}; --step is for a file without"
+        )
+    count = numbers(table, first)
+    off = np.flatnonzero(~(np.abs(np.diff(count) - 1.0) <= _UNEVEN))  # so that it takes a gap for one, too
+    if off.size:
+        one, next_one = count[off[0]], count[off[0] + 1]
+        raise UserError(
+            f"{table.path}: the first column, {first.name!r}, goes from {one:g} to {next_one:g}; --step is for a file "
+            "whose first column counts samples by ones"
+        )
+
+
+def _is_time(column: Column) -> bool:
+    try:
+        convert(1.0, column.unit or "1", "s")
+    except UserError:
+        return False
+    return True
 
 
 def _counted(table: Table, units: dict[str, str]) -> dict[str, NDArray[np.float64]]:

@@ -24,7 +24,7 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
     ----------
     model : LinearModel
     name : str
-        Of the component.
+        Of the component; see `component_name`.
     units : Mapping of str to str
         Of inputs and output.
     doc : str
@@ -46,7 +46,7 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
     lines = [
         f'"""{doc}"""', "", "from fmus.kit import Component, Discrete, Input, Output, Parameter", "", "",
         f"class {class_name(name)}(Component):", f'    """{doc}"""', "",
-        f'    name = "{name}"', f"    experiment = ({100.0 * model.step!r}, {model.step!r})", "",
+        f'    name = "{component_name(name)}"', f"    experiment = ({100.0 * model.step!r}, {model.step!r})", "",
     ]  # fmt: skip
     for u in inputs:
         lines.append(f'    {u} = Input("{unit[u]}", start={about[u]!r}, doc="input")')
@@ -79,9 +79,16 @@ def identifiers(names: tuple[str, ...]) -> list[str]:
     return made
 
 
+def component_name(name: str) -> str:
+    """``2-layer wall`` as ``model_2_layer_wall``: what Python and FMI have as a name, and its class has one, too."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_")
+    named = plain[:1].isalpha() and not any(map(keyword.iskeyword, (plain, plain.capitalize())))
+    return plain if named else f"model_{plain}".strip("_")
+
+
 def class_name(name: str) -> str:
     """``two_layer_wall`` as ``TwoLayerWall``."""
-    return "".join(part.capitalize() for part in name.split("_"))
+    return "".join(part.capitalize() for part in component_name(name).split("_"))
 
 
 def _returned(terms: list[str], factors: list[str], amounts: list[float]) -> list[str]:

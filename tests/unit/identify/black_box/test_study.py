@@ -82,6 +82,19 @@ def test_names_of_columns_become_names_of_variables():
     assert class_name("two_layer_wall") == "TwoLayerWall"
 
 
+@pytest.mark.parametrize(
+    ("stem", "name", "cls"),
+    [
+        ("1-x", "model_1_x", "Model1X"), ("wall 2", "wall_2", "Wall2"), ("class", "model_class", "ModelClass"),
+        ("none", "model_none", "ModelNone"), ("é", "model", "Model"), ("a.b", "a_b", "AB"),
+    ],
+)  # fmt: skip
+def test_a_file_of_any_name_holds_a_class_that_is_built(found, tmp_path, stem, name, cls):
+    path = found.export(tmp_path / f"{stem}.py")
+    assert class_name(stem) == cls
+    assert load_class(f"{path}:{cls}").name == name
+
+
 def test_the_page_and_the_figures(found, tmp_path):
     page = found.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert found.sentence in page
@@ -119,7 +132,12 @@ def test_a_wall_that_counts_its_samples(public_data):
         (["--output", "lambda", "--inputs", ","], ["--inputs ','", "at least one"]),
         (["--output", "lambda", "--structures", ","], ["--structures ','", "at least one"]),
         (["--output", "lambda", "--structures", "ARXX"], ["structure ARXX: there is none"]),
-        (["--output", "lambda", "--share", "1"], ["share = 1"]),
+        (["--output", "lambda", "--share", "1"], ["share = 1", "between 0 and 1"]),
+        (["--output", "lambda", "--share", "nan"], ["share = nan: must be between 0 and 1"]),
+        (["--output", "lambda", "--share", "0.0001"], ["share = 0.0001 of 600 samples: both parts need samples"]),
+        (["--output", "lambda", "--inputs", "drive,lambda"], ["lambda is an input and the output: name it once"]),
+        (["--output", "lambda", "--inputs", "drive,drive"], ["drive is an input twice: name it once"]),
+        (["--output", "lambda", "--step", "1s"], ["the first column, 'time', is a time in s", "--step is for"]),
         (["--output", "lambda", "--report", "a.txt"], [".html"]),
         (["--output", "lambda", "--out", "a.fmu"], [".py"]),
     ],
@@ -127,6 +145,32 @@ def test_a_wall_that_counts_its_samples(public_data):
 )
 def test_what_cannot_be_is_refused_in_a_line(file, arguments, parts):
     refused(file.parent, "black-box", file.name, *arguments, parts=parts)
+
+
+def counted(path, count, name="sample"):
+    u, y = data()
+    np.savetxt(path, np.column_stack([count, u[:, 0], y]), delimiter=",", header=f"{name},u [V],y [mm]", comments="")
+    return path
+
+
+@pytest.mark.parametrize("name", ["sample", "time"])
+def test_a_step_is_for_a_file_that_counts_by_ones(tmp_path, name):
+    """A clock of 0.1 s without a unit would be a tenth of the sample period that is given."""
+    for count, said in ((0.1 * np.arange(600), "goes from 0 to 0.1"), (np.arange(600) // 100 * 5.0, "from 0 to 0")):
+        with pytest.raises(UserError, match=f"the first column, '{name}', {said}|{said}; --step is for"):
+            read_columns(counted(tmp_path / "clock.csv", count, name), "y", step=1.0)
+    found = read_columns(counted(tmp_path / "count.csv", np.arange(7, 607), name), "y", step=2.0)
+    assert (found.data.step, found.data.input_names) == (2.0, ("u",))
+
+
+def test_a_first_column_that_is_an_input_needs_not_count(tmp_path):
+    found = read_columns(counted(tmp_path / "no_clock.csv", np.arange(600) % 7, "v [V]"), "y", ["v", "u"], step=2.0)
+    assert found.data.inputs[:9, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 0, 1]
+
+
+def test_columns_that_there_are_are_told_once(file):
+    with pytest.raises(UserError, match=r"no column 'nope' \(there are: time, drive, for, lambda\)$"):
+        read_columns(file, "nope")
 
 
 @pytest.mark.parametrize("samples", [40, 120, 190])

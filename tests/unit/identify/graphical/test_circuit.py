@@ -138,6 +138,39 @@ def test_where_there_is_no_circuit_that_is_said(tmp_path):
         parameter_set.write(tmp_path / "no.ssv", reading.values, {"R1": None, "R2": None, "C": None})
 
 
+@pytest.mark.parametrize("resistance", [0.4, 7.0, 1e3])
+def test_a_resistor_is_no_circuit(resistance):
+    """Without noise, and with so little that it is rounding beside the voltage."""
+    time = STEP * np.arange(2000)
+    for current in (record()[1], np.random.default_rng(0).normal(size=2000)):
+        for noise in (0.0, 1e-12 * resistance):
+            voltage = resistance * current + noise * np.random.default_rng(1).normal(size=2000)
+            reading = read_circuit(time, current, voltage)
+            assert [c.exists for c in reading.windows[0].estimators.values()] == [False, False]
+            assert len(reading.warnings) == 2
+            assert all("no circuit behaves as" in text for text in reading.warnings)
+
+
+def test_a_capacitor_that_is_nearly_ideal_is_no_circuit():
+    """A pole at 1 - 1e-9: in 200 s nothing leaks away through R2."""
+    time, current, _ = record()
+    leak = 1.0 - 1e-9
+    voltage = 0.4 * current + lfilter([0.0, STEP / C], [1.0, -leak], current)
+    reading = read_circuit(time, current, voltage)
+    assert not reading.windows[0].least_squares.exists
+    assert "no circuit behaves as least squares has it" in " ".join(reading.warnings)
+
+
+@pytest.mark.parametrize("decay", [1e-3, 0.9999])
+def test_a_fast_and_a_slow_circuit_are_circuits(decay):
+    """Time constants of 14 ms and of 1000 s, without noise."""
+    time, current, _ = record()
+    c = -STEP / (np.log(decay) * (R1 + R2))
+    above, below, _ = cont2discrete(([R1 * R2 * c, R2], [(R1 + R2) * c, 1.0]), STEP, "zoh")
+    reading = read_circuit(time, current, lfilter(above[0], below, current))
+    assert [q.value for q in quantities(reading.windows[0].least_squares)] == pytest.approx((R1, R2, c), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -146,8 +179,9 @@ def test_where_there_is_no_circuit_that_is_said(tmp_path):
         ({"time": np.arange(2000.0) ** 1.1}, "is not where equal steps of"),
         ({"window": 1.0}, "10 samples of 0.1 s: it needs 12"),
         ({"window": 500.0}, "record of 200 s: shorter than a window of 500 s"),
-        ({"window": np.nan}, "a window of nan s"),
-        ({"window": -5.0}, "a window of -5 s"),
+        ({"window": np.nan}, "a window of nan s: write a finite length above 0"),
+        ({"window": -5.0}, "a window of -5 s: write a finite length above 0"),
+        ({"window": np.inf}, "a window of inf s: write a finite length above 0"),
     ],
     ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
 )

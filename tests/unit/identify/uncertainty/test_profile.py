@@ -3,7 +3,9 @@
 Oracles: the deviance of y = a (1 - exp(-t / tau)) by scipy, with a in closed form; binomial bounds.
 """
 
+import copy
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -201,10 +203,27 @@ def test_a_search_that_is_interrupted_leaves_the_fit_as_it_was():
     assert found.profile("tau").interval == fitted(2, 1.5).profile("tau").interval
 
 
-def followed(deviance, low=-10.0, high=10.0):
+@pytest.mark.parametrize("copied", [lambda f: pickle.loads(pickle.dumps(f)), copy.deepcopy], ids=["pickle", "copy"])
+def test_a_fit_is_copied_without_its_model(copied):
+    found = fitted(2, 1.5)
+    made = found.profile("tau")
+    again = copied(found)
+    assert str(again) == str(found)
+    assert again.values == found.values
+    assert again.intervals == found.intervals
+    assert again.profile("tau").interval == made.interval
+    assert again.draws(5)["a"].tolist() == found.draws(5)["a"].tolist()
+    with pytest.raises(UserError, match="no profile of a: this is a copy of a fit, without its model; fit again"):
+        again.profile("a")
+    assert found.profile("a").interval[0] < found.values["a"]  # the fit itself is as it was
+
+
+def followed(deviance, low=-10.0, high=10.0, asked=None):
     """Profile of the only coordinate, of a deviance over its level that is given on paper."""
 
     def refit(start):
+        if asked is not None:
+            asked.append(float(start[0]))
         return start, deviance(start[0])
 
     along = Coordinate(0, float, low, high, False, np.ones(1), 0.5)
@@ -230,12 +249,58 @@ def test_where_the_model_fails_a_profile_ends():
     assert "cannot be simulated farther on" in found.warnings[0]
 
 
+@pytest.mark.parametrize("worth", [None, np.nan, np.inf], ids=["raised", "nan", "inf"])
+def test_an_end_that_is_bracketed_is_no_open_one(worth):
+    """Between 1.70 and 1.99 there is no fit; on both sides the root is a straight line that is one at 1.8."""
+
+    def deviance(x):
+        if 1.70 < x < 1.99:
+            if worth is None:
+                raise UserError("too stiff")
+            return worth
+        return (x / 1.8) ** 2
+
+    asked = []
+    found = followed(deviance, asked=asked)
+    assert max(asked) > 1.99
+    assert found.open == (False, False)
+    assert found.interval == pytest.approx((-1.8, 1.8), rel=1e-3)
+    assert np.isfinite(found.deviance).all()
+    assert len(found.warnings) == 1
+    assert "the end above of a is interpolated between" in found.warnings[0]
+    assert found.fits == len(asked)
+
+
+def test_a_deviance_that_is_no_number_ends_a_profile_as_a_failure_does():
+    asked = []
+    found = followed(lambda x: x**2 / 4.0 if x <= 0.7 else np.nan, asked=asked)
+    assert found.open == (False, True)
+    assert 0.69 < found.values[-1] <= 0.7
+    assert np.isfinite(found.deviance).all()
+    assert "cannot be simulated farther on" in found.warnings[0]
+    assert found.fits == len(asked) < 40
+
+
 def test_no_more_fits_are_made_than_make_sense():
-    """A staircase that rises by less than the level wherever it is followed."""
-    found = followed(lambda x: 0.9 * (int(1e3 * abs(x)) % 2), -np.inf, np.inf)
+    """Every other fit finds a deviance just below the level, so that steps become shorter and shorter."""
+    asked = []
+    found = followed(lambda x: 0.9 * (len(asked) % 2), -np.inf, np.inf, asked)
     assert found.open == (True, True)
-    assert found.fits <= 80
-    assert len(found.warnings) == 2
+    assert found.fits == len(asked) == 80
+    assert [text.endswith("after 40 fits") for text in found.warnings] == [True, True]
+
+
+def test_fits_of_a_crossing_count_among_those_that_are_made_at_most():
+    """A wall that the 38th of 40 fits comes to: two are left to tell where it stands."""
+    first, asked = [], []
+    followed(lambda x: 0.9 * (len(first) % 2), -np.inf, np.inf, first)
+    near, far = first[76:78]
+    wall = near + 0.3 * (far - near)
+    found = followed(lambda x: 2.0 if x > wall else 0.9 * (len(asked) % 2), -np.inf, np.inf, asked)
+    assert asked[:78] == first[:78]
+    assert found.fits == len(asked) == 80
+    assert near <= found.interval[1] <= far
+    assert "above of a is interpolated between" in found.warnings[-1]
 
 
 def test_any_fmu_has_profiles(tmp_path):
@@ -244,6 +309,7 @@ def test_any_fmu_has_profiles(tmp_path):
     measured = 1.0 - np.exp(-time / 0.73) + 0.05 * np.random.default_rng(1).normal(size=101)
     model = find_model(str(build_one_state_fmu(tmp_path)))
     found = fit_model(model, time, {"u": np.ones(101)}, {"x": measured}, ["tau"], {})
+    assert pickle.loads(pickle.dumps(found)).values == found.values
     traced = found.profile("tau")
 
     def squares(log_tau):
