@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from orchestration.fmu.signal import Signal
 from orchestration.sweeps.cluster import outcomes_of_cluster
 from orchestration.sweeps.crew import outcomes
 from orchestration.sweeps.design import Design
-from orchestration.sweeps.journal import Journal
+from orchestration.sweeps.journal import Journal, check
+from orchestration.sweeps.lock import held
 from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.task import Task
 
@@ -53,11 +55,14 @@ def run(
     Raises
     ------
     UserError
-        If the FMU cannot be opened, or the folder is of another sweep.
+        If the FMU cannot be opened, or the folder is of another sweep, of another process, or holds something else.
     """
     guid = read_description(task.path).guid
-    with tempfile.TemporaryDirectory(prefix="ppy-sweep-") as scratch:
-        journal = Journal(folder or Path(scratch) / "journal", task, cases.cases, guid)
+    with ExitStack() as stack:
+        place = folder or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ppy-sweep-")))
+        check(place)
+        stack.enter_context(held(place))
+        journal = Journal(place, task, cases.cases, guid)
         left, whole = journal.left, len(cases.cases)
         progress(whole - len(left), whole)
         alike = _alike(cases, left)

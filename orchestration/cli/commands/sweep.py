@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -222,11 +222,13 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of: they are nowhere else."""
     from orchestration.experiment import results
     from orchestration.reporting.console import wrote
-    from orchestration.sweeps import stored
+    from orchestration.sweeps import journal, stored
+    from orchestration.sweeps.lock import held
 
-    (stored if out.suffix.lower() == _ZARR else results).write(data, out)
-    if parts is not None:
-        shutil.rmtree(parts, ignore_errors=True)
+    with nullcontext() if parts is None else held(parts):
+        (stored if out.suffix.lower() == _ZARR else results).write(data, out)
+        if parts is not None:
+            journal.remove(parts)
     wrote(out)
 
 
