@@ -31,8 +31,8 @@ Over = Annotated[
 ]
 DesignKind = Annotated[
     str,
-    typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol; "
-                 "sobol-indices, tornado: which parameters matter."),
+    typer.Option("--design", help="grid, list (first values together, then second ones), draws (a list drawn at "
+                 "random: bands), latin-hypercube, sobol; sobol-indices, tornado: which parameters matter."),
 ]  # fmt: skip
 Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of latin-hypercube and sobol; of "
                                        "sobol-indices for each parameter, and twice as many.")]  # fmt: skip
