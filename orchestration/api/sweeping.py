@@ -17,7 +17,7 @@ from orchestration.sweeps.compiled import chosen
 from orchestration.sweeps.design import design
 from orchestration.sweeps.ranges import given_range, read_range
 from orchestration.sweeps.reductions import KEPT, TRACE, checked
-from orchestration.sweeps.run import run
+from orchestration.sweeps.run import MOST_WORKERS, run
 from orchestration.sweeps.sensitivity.indices import KIND as SOBOL_INDICES
 from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
 from orchestration.sweeps.task import Task
@@ -70,7 +70,7 @@ def sweep(
         What runs the cases: the FMU, or the equations of a component in compiled code, which comes to the same numbers
         sooner and is the choice of ``auto`` wherever it is possible.
     workers : int
-        Processes.
+        Processes, 1000 at most; never more than there are cases.
     scheduler : str, optional
         Address of a Dask cluster that runs the cases, such as ``"tcp://10.0.0.5:8786"``.
     folder : str or Path, optional
@@ -99,8 +99,8 @@ def sweep(
     'V'
     """
     subject = as_model(model)
-    if workers < 1:
-        raise UserError(f"workers {workers}: one or more")
+    if not 1 <= workers <= MOST_WORKERS:
+        raise UserError(f"workers {workers}: from 1 to {MOST_WORKERS:,}")
     if scheduler is not None and workers > 1:
         raise UserError(f"workers {workers}: they are of this machine; the cluster at {scheduler} has its own")
     unknown = next((name for name in outputs if name not in subject.outputs), None)

@@ -24,6 +24,7 @@ from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.task import Task
 
 Array = NDArray[np.float64]
+MOST_WORKERS = 1000
 
 
 def run(
@@ -67,7 +68,7 @@ def run(
         progress(whole - len(left), whole)
         alike = _alike(cases, left)
         if scheduler is None or not left:
-            ran = outcomes(task, cases.cases, [*alike], workers)
+            ran = outcomes(task, cases.cases, [*alike], min(workers, max(1, len(alike))))
         else:
             ran = outcomes_of_cluster(scheduler, task, cases.cases, [*alike])
         done = whole - len(left)
