@@ -14,7 +14,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.api.simulation import as_model, stimulus, values_of
 from orchestration.fmu.model import Model
 from orchestration.sweeps.compiled import chosen
-from orchestration.sweeps.design import design
+from orchestration.sweeps.design import Design, design
 from orchestration.sweeps.ranges import given_range, read_range
 from orchestration.sweeps.reductions import KEPT, TRACE, checked
 from orchestration.sweeps.run import MOST_WORKERS, run
@@ -47,6 +47,7 @@ def sweep(
     scheduler: str | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int], None] = lambda done, whole: None,
+    check: Callable[[Task, Design], None] = lambda task, cases: None,
 ) -> xarray.Dataset:
     """Run a model over many values of its parameters.
 
@@ -78,6 +79,8 @@ def sweep(
         when they are used, so that they need not fit into memory.
     progress : callable
         Told how many cases are done, and of how many.
+    check : callable
+        Told what is going to be run before anything is; what it raises ends the sweep.
 
     Returns
     -------
@@ -124,6 +127,7 @@ def sweep(
         subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep)),
         chosen(subject, engine),
     )  # fmt: skip
+    check(task, cases)
     return run(subject, task, cases, workers, None if folder is None else Path(folder), progress, scheduler)
 
 
@@ -135,6 +139,7 @@ def sweep_file(
     scheduler: str | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int], None] = lambda done, whole: None,
+    check: Callable[[Task, Design], None] = lambda task, cases: None,
     note: Callable[[str], None] = lambda line: None,
 ) -> xarray.Dataset:
     """Run a sweep that a TOML file describes.
@@ -143,7 +148,7 @@ def sweep_file(
     ----------
     path : str or Path
         An experiment, what its parameters go through, and what is kept.
-    engine, workers, scheduler, folder, progress
+    engine, workers, scheduler, folder, progress, check
         As in `sweep`.
     note : callable
         Told what else is worth knowing, such as inputs that stay at their start value.
@@ -172,5 +177,5 @@ def sweep_file(
     return sweep(
         asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=asked.kind,
         samples=asked.samples, seed=table.seed, outputs=asked.outputs, keep=asked.keep, engine=engine, workers=workers,
-        scheduler=scheduler, folder=folder, progress=progress,
+        scheduler=scheduler, folder=folder, progress=progress, check=check,
     ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip

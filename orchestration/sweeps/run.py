@@ -12,6 +12,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from fmus.kit.errors import UserError
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Signal
@@ -25,6 +26,7 @@ from orchestration.sweeps.task import Task
 
 Array = NDArray[np.float64]
 MOST_WORKERS = 1000
+_MOST_IN_MEMORY = 4e9  # bytes of traces
 
 
 def run(
@@ -58,6 +60,8 @@ def run(
     UserError
         If the FMU cannot be opened, or the folder is of another sweep, of another process, or holds something else.
     """
+    if folder is None:
+        check_memory(task, cases)
     guid = read_description(task.path).guid
     with ExitStack() as stack:
         place = folder or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ppy-sweep-")))
@@ -82,6 +86,22 @@ def run(
             found.load()
         del journal  # before its folder goes: Windows keeps what is open
     return found.assign_attrs(model=model.name, guid=guid, engine=task.engine)
+
+
+def check_memory(task: Task, cases: Design) -> None:
+    """Refuse a sweep whose traces are made in memory, and do not belong there.
+
+    Raises
+    ------
+    UserError
+        How large they are.
+    """
+    size = 8.0 * len(cases.cases) * len(task.outputs) * len(task.time) if TRACE in task.keep else 0.0
+    if size > _MOST_IN_MEMORY:
+        raise UserError(
+            f"--keep {TRACE}: {size / 1e9:.3g} GB of traces, and at most {_MOST_IN_MEMORY / 1e9:g} GB are taken into "
+            "memory; name a store, such as --out traces.zarr (in Python a folder)"
+        )
 
 
 def _alike(cases: Design, left: Sequence[int]) -> Mapping[int, Sequence[int]]:
