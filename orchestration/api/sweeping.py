@@ -14,10 +14,10 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.api.simulation import as_model, stimulus, values_of
 from orchestration.fmu.model import Model
 from orchestration.sweeps.compiled import chosen
-from orchestration.sweeps.design import design
+from orchestration.sweeps.design import Design, design
 from orchestration.sweeps.ranges import given_range, read_range
 from orchestration.sweeps.reductions import KEPT, TRACE, checked
-from orchestration.sweeps.run import run
+from orchestration.sweeps.run import MOST_WORKERS, run
 from orchestration.sweeps.sensitivity.indices import KIND as SOBOL_INDICES
 from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
 from orchestration.sweeps.task import Task
@@ -47,6 +47,7 @@ def sweep(
     scheduler: str | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int], None] = lambda done, whole: None,
+    check: Callable[[Task, Design], None] = lambda task, cases: None,
 ) -> xarray.Dataset:
     """Run a model over many values of its parameters.
 
@@ -70,7 +71,7 @@ def sweep(
         What runs the cases: the FMU, or the equations of a component in compiled code, which comes to the same numbers
         sooner and is the choice of ``auto`` wherever it is possible.
     workers : int
-        Processes.
+        Processes, 1000 at most; never more than there are cases.
     scheduler : str, optional
         Address of a Dask cluster that runs the cases, such as ``"tcp://10.0.0.5:8786"``.
     folder : str or Path, optional
@@ -78,6 +79,8 @@ def sweep(
         when they are used, so that they need not fit into memory.
     progress : callable
         Told how many cases are done, and of how many.
+    check : callable
+        Told what is going to be run before anything is; what it raises ends the sweep.
 
     Returns
     -------
@@ -99,8 +102,8 @@ def sweep(
     'V'
     """
     subject = as_model(model)
-    if workers < 1:
-        raise UserError(f"workers {workers}: one or more")
+    if not 1 <= workers <= MOST_WORKERS:
+        raise UserError(f"workers {workers}: from 1 to {MOST_WORKERS:,}")
     if scheduler is not None and workers > 1:
         raise UserError(f"workers {workers}: they are of this machine; the cluster at {scheduler} has its own")
     unknown = next((name for name in outputs if name not in subject.outputs), None)
@@ -124,6 +127,7 @@ def sweep(
         subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep)),
         chosen(subject, engine),
     )  # fmt: skip
+    check(task, cases)
     return run(subject, task, cases, workers, None if folder is None else Path(folder), progress, scheduler)
 
 
@@ -135,6 +139,7 @@ def sweep_file(
     scheduler: str | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int], None] = lambda done, whole: None,
+    check: Callable[[Task, Design], None] = lambda task, cases: None,
     note: Callable[[str], None] = lambda line: None,
 ) -> xarray.Dataset:
     """Run a sweep that a TOML file describes.
@@ -143,7 +148,7 @@ def sweep_file(
     ----------
     path : str or Path
         An experiment, what its parameters go through, and what is kept.
-    engine, workers, scheduler, folder, progress
+    engine, workers, scheduler, folder, progress, check
         As in `sweep`.
     note : callable
         Told what else is worth knowing, such as inputs that stay at their start value.
@@ -172,5 +177,5 @@ def sweep_file(
     return sweep(
         asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=asked.kind,
         samples=asked.samples, seed=table.seed, outputs=asked.outputs, keep=asked.keep, engine=engine, workers=workers,
-        scheduler=scheduler, folder=folder, progress=progress,
+        scheduler=scheduler, folder=folder, progress=progress, check=check,
     ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip

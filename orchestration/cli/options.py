@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from fmus import MODELS
+from fmus.kit.errors import UserError
 
 
 def option(*names: str, help: str, metavar: str | None = None, **more: Any) -> Any:
@@ -15,9 +16,17 @@ def option(*names: str, help: str, metavar: str | None = None, **more: Any) -> A
     return typer.Option(*names, help=help, metavar=metavar, show_default=False, **more)
 
 
-def comma_list(text: str | None) -> list[str]:
-    """Names that a user separates by commas."""
-    return [name.strip() for name in (text or "").split(",") if name.strip()]
+def comma_list(text: str | None, option: str) -> list[str]:
+    """Names that a user separates by commas, none of them empty or there twice; none at all where there is no text."""
+    if text is None or not text.strip():
+        return []
+    names = [name.strip() for name in text.split(",")]
+    if "" in names:
+        raise UserError(f"{option} {text!r}: there is nothing before or after a comma")
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise UserError(f"{option} {text!r}: {twice} is named twice")
+    return names
 
 
 def seconds(text: str) -> float:
@@ -132,4 +141,4 @@ def platform_list(text: str | None) -> list[str] | None:
 
     if text == "all":
         return None
-    return comma_list(text) or [host_platform()]
+    return comma_list(text, "--platforms") or [host_platform()]

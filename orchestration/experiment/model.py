@@ -143,6 +143,8 @@ def _line(problem: Any) -> str:
         kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
         return f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
     value = "" if isinstance(given, dict) else f" = {given!r}"
+    if kind == "model_type":
+        return f"{_key(place)}{value}: should be a table"
     if kind == "value_error":
         return f"{_key(place)}{value}: {context['error']}".removeprefix(": ")
     allowed = (

@@ -106,6 +106,7 @@ def _connected(address: str) -> tuple[Any, int]:
         from distributed import Client
     except ImportError as error:
         raise UserError("--scheduler needs distributed: pip install 'ppy-rig[cluster]'") from error
+    _check_address(address)
     try:
         client: Any = Client(address, timeout=10.0, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
@@ -116,6 +117,24 @@ def _connected(address: str) -> tuple[Any, int]:
         client.close()
         raise UserError(f"--scheduler {address}: it has no workers") from error
     return client, max(1, sum(client.nthreads().values()))
+
+
+def _check_address(address: str) -> None:
+    """Refuse what no client can be made with: one that fails half-way waits for long, and tells of it at the end."""
+    import dask
+    from distributed.comm import get_address_host_port
+    from distributed.security import Security
+
+    try:
+        _, port = get_address_host_port(address, strict=True)
+        if not 0 < port < 65536:
+            raise ValueError
+    except (ValueError, ImportError) as error:
+        raise UserError(f"--scheduler {address}: no address of a scheduler, such as tcp://10.0.0.5:8786") from error
+    certified = Security().get_connection_args("client").get("ssl_context") is not None
+    certified = certified or bool(dask.config.get("distributed.client.security-loader", None))
+    if address.startswith(("tls:", "wss:")) and not certified:
+        raise UserError(f"--scheduler {address}: Dask has no certificates for it (distributed.comm.tls)")
 
 
 def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]:

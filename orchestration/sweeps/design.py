@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 GIVEN, SAMPLED = ("grid", "list", bands.KIND), ("latin-hypercube", "sobol", indices.KIND)
 DESIGNS = (*GIVEN, *SAMPLED, tornado.KIND)
 MOST = 100_000_000  # cases
+FEWEST = 16  # samples of Sobol indices: of one, an index and its bootstrap are those of noise
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,14 @@ def design(
     ----------
     ranges : sequence of Range
     kind : {"grid", "list", "draws", "latin-hypercube", "sobol", "sobol-indices", "tornado"}
-        Every value with every other; the first values of all parameters, then the second ones, and so on, by choice or
-        drawn at random; or points
-        between the ends of the ranges, one in each of as many equal parts of every parameter (McKay, Beckman, Conover,
-        Technometrics 21, 1979), or of low discrepancy (Sobol, with Owen's scrambling), or such from which indices of
-        Sobol can be told; or each by itself at the ends of its range, the others at their start value.
+        Every value with every other; the first values of all parameters, then the second ones, and so on, where these
+        were chosen (``list``) or drawn at random (``draws``); points between the ends of the ranges, one in each of as
+        many equal parts of every parameter (McKay, Beckman, Conover, Technometrics 21, 1979), or of low discrepancy
+        (Sobol, with Owen's scrambling), or such from which indices of Sobol can be told; or each parameter by itself at
+        the ends of its range, the others at their start value.
     samples : int, optional
         Points of ``latin-hypercube``, ``sobol`` and ``sobol-indices``, a power of two for the last two; of
-        ``sobol-indices`` as many cases for each parameter, and twice as many besides.
+        ``sobol-indices`` 16 or more, and as many cases for each parameter, and twice as many besides.
     seed : int
         Of these.
     starts : Mapping of str to float, optional
@@ -129,6 +130,10 @@ def _sampled(ranges: tuple[Range, ...], kind: str, samples: int | None, seed: in
     if kind != "latin-hypercube" and samples & (samples - 1):
         raise UserError(f"--samples {samples}: points of Sobol are even for powers of two only, such as 128 and 256")
     if kind == indices.KIND:
+        if samples < FEWEST:
+            raise UserError(
+                f"--samples {samples}: --design {kind} takes {FEWEST} or more; fewer say nothing of a variance"
+            )
         if samples * (len(ranges) + 2) > MOST:
             raise UserError(f"{samples * (len(ranges) + 2):.3g} cases; at most {MOST:,} are made")
         unit = indices.sampled(len(ranges), samples, seed)

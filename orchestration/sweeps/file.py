@@ -49,6 +49,8 @@ class SweepTable(Table):
             )
         if self.fitted is not None and {"design"} & self.model_fields_set:
             raise ValueError("has a fit to draw parameters from, and a design besides")
+        if self.fitted is not None and self.samples is None:
+            raise ValueError("has a fit to draw parameters from; say how many cases are drawn, such as samples = 200")
         return self
 
 

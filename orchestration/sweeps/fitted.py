@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated
 
@@ -74,6 +75,8 @@ class Fitted:
         """Draw parameters; UserError if it is not said how many, or one is drawn that the model does not allow."""
         if samples is None:
             raise UserError(f"{self.path}: how many cases are drawn from it is said by --samples, such as 200")
+        if samples < 1:
+            raise UserError(f"--samples {samples}: one or more are drawn from {self.path}")
         if samples > MOST:
             raise UserError(f"{samples:.3g} cases; at most {MOST:,} are made")
         drawn = self.distribution.draws(samples, seed)
@@ -118,7 +121,7 @@ def read_fitted(path: Path, model: Model) -> Fitted:
         given = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UserError(f"{path}: no JSON, as ppy identify --json writes it ({error})") from error
     if not isinstance(given, dict) or "fitted" not in given:
         raise UserError(f"{path}: holds no fit, as ppy identify --json writes it")
@@ -134,12 +137,27 @@ def read_fitted(path: Path, model: Model) -> Fitted:
         low, high = p.ci95
         interval = (-np.inf if low is None else low, np.inf if high is None else high)
         estimates[name] = Estimate(p.value, p.value, interval, p.unit)
-    between = {one.between: one.value for one in fitted.correlations}
-    stranger = next((name for pair in between for name in pair if name not in estimates), None)
-    if stranger is not None:
-        raise UserError(f"{path}: a correlation with {stranger}, which was not fitted")
+    between = _correlations(path, fitted)
     logarithmic = [name for name, p in fitted.parameters.items() if p.logarithmic]
     try:
         return Fitted(path, model, distribution(estimates, between, logarithmic), dict(answer.set))
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
+
+
+def _correlations(path: Path, fitted: _Fitted) -> dict[tuple[str, str], float]:
+    """Correlations, which have to be of every pair of parameters, once: none is taken to be zero."""
+    left = {frozenset(pair) for pair in combinations(fitted.parameters, 2)}
+    for one, other in (correlation.between for correlation in fitted.correlations):
+        stranger = next((name for name in (one, other) if name not in fitted.parameters), None)
+        if stranger is not None:
+            raise UserError(f"{path}: a correlation with {stranger}, which was not fitted")
+        if one == other:
+            raise UserError(f"{path}: a correlation of {one} with itself; there is one for every pair of parameters")
+        if frozenset((one, other)) not in left:
+            raise UserError(f"{path}: the correlation of {one} and {other} is there twice")
+        left.remove(frozenset((one, other)))
+    missing = next((f"{a} and {b}" for a, b in combinations(fitted.parameters, 2) if frozenset((a, b)) in left), None)
+    if missing is not None:
+        raise UserError(f"{path}: the correlation of {missing} is missing; without it nothing can be drawn")
+    return {one.between: one.value for one in fitted.correlations}

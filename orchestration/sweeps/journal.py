@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Mapping
@@ -13,11 +14,51 @@ from numpy.typing import NDArray
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
+from orchestration.sweeps import lock
 from orchestration.sweeps.task import Outcome, Task, failed
-from orchestration.sweeps.traces import TraceFile, reserve
+from orchestration.sweeps.traces import TraceFile, opened, reserve
 
 Array = NDArray[np.float64]
 _ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = "sweep.json", "done.npy", "numbers.npy", "traces.npy", "failures.jsonl"
+_KNOWN = (_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES, lock.NAME)
+
+
+def check(folder: Path) -> None:
+    """Refuse a folder that holds anything else than a journal: it would be in the way of what is removed at the end.
+
+    Raises
+    ------
+    UserError
+        Names the first thing that is none of a journal.
+    """
+    try:
+        strange = next((path for path in _within(folder) if not _own(path)), None)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be read ({error.strerror})") from error
+    if strange is not None:
+        raise UserError(
+            f"{folder}: holds {strange.name}, which is not of a sweep, and what a sweep has done goes there: "
+            "move that elsewhere, or name another --out"
+        )
+
+
+def remove(folder: Path) -> None:
+    """Remove a journal and nothing else, and its folder if nothing is left in it."""
+    with contextlib.suppress(OSError):
+        for path in _within(folder):
+            if _own(path):
+                path.unlink(missing_ok=True)
+        folder.rmdir()
+
+
+def _within(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir()) if folder.is_dir() else []
+
+
+def _own(path: Path) -> bool:
+    """Whether something is a file of a journal, or what was left of one that was not written to its end."""
+    parts = path.name.endswith(".part") and any(path.name.startswith(f"{known}.") for known in _KNOWN)
+    return (path.name in _KNOWN or parts) and path.is_file() and not path.is_symlink()
 
 
 class Journal:
@@ -26,7 +67,7 @@ class Journal:
     Parameters
     ----------
     folder : Path
-        Made if it is not there; of a sweep that is the same it is gone on with.
+        There already, and `lock.held`; of a sweep that is the same it is gone on with.
     task : Task
     cases : ndarray, shape (n, p)
     guid : str
@@ -47,7 +88,6 @@ class Journal:
                 _check(folder, json.loads((folder / _ABOUT).read_text(encoding="utf-8")), about)
                 mode = "r+"
             else:
-                folder.mkdir(parents=True, exist_ok=True)
                 (folder / _FAILURES).unlink(missing_ok=True)
                 mode = "w+"
             self._done = _array(folder / _DONE, mode, (len(cases),), "u1")
@@ -55,13 +95,13 @@ class Journal:
             self._traces = self._open_traces(mode, len(cases), nothing)
             if mode == "w+":  # last: a folder without it is begun anew
                 files.write(folder / _ABOUT, json.dumps(about).encode())
-            self.failures = _failures(folder / _FAILURES)
+            self.failures = _failures(folder / _FAILURES, self._done)
         except OSError as error:
             if mode == "w+":
                 for name in (_DONE, _NUMBERS, _TRACES):  # what has no room is not left in the way of others
                     (folder / name).unlink(missing_ok=True)
             raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
-        except ValueError as error:
+        except (ValueError, TypeError, RecursionError) as error:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
     def _open_traces(self, mode: str, cases: int, nothing: Outcome) -> TraceFile | None:
@@ -95,20 +135,25 @@ class Journal:
         self._done[row] = 1
 
 
-def _failures(path: Path) -> dict[int, str]:
-    """Why cases left nothing; a line that was not written to its end is of a case that is not done, and goes."""
+def _failures(path: Path, done: Array) -> dict[int, str]:
+    """Why cases left nothing; of a case that is not done, as in a line that was not written to its end, it goes."""
     text = path.read_text(encoding="utf-8") if path.exists() else ""
-    whole = text[: text.rfind("\n") + 1]
+    lines = text[: text.rfind("\n") + 1].splitlines()
+    told = [(int(row), str(reason)) for row, reason in map(json.loads, lines)]
+    if any(not 0 <= row < len(done) for row, _ in told):
+        raise ValueError(f"{path.name} is of another number of cases")
+    kept = {row: reason for row, reason in told if done[row]}
+    whole = "".join(json.dumps([row, reason]) + "\n" for row, reason in kept.items())
     if whole != text:
         files.write(path, whole.encode())
-    return {int(row): str(reason) for row, reason in map(json.loads, whole.splitlines())}
+    return kept
 
 
 def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
     if 0 in shape:
         return np.empty(shape, kind)
     if mode == "r+":
-        return np.lib.format.open_memmap(path, "r+")
+        return opened(path, "r+", shape, kind)
     array = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
     reserve(path)
     return array
@@ -134,7 +179,9 @@ def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
     }
 
 
-def _check(folder: Path, known: Mapping[str, str], about: Mapping[str, str]) -> None:
+def _check(folder: Path, known: Any, about: Mapping[str, str]) -> None:
+    if not isinstance(known, dict):
+        raise ValueError(f"{_ABOUT} holds no table")
     other = [what for what, digest in about.items() if known.get(what) != digest]
     if other:
         raise UserError(f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another --out")

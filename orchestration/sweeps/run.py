@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +12,21 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from fmus.kit.errors import UserError
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Signal
 from orchestration.sweeps.cluster import outcomes_of_cluster
 from orchestration.sweeps.crew import outcomes
 from orchestration.sweeps.design import Design
-from orchestration.sweeps.journal import Journal
+from orchestration.sweeps.journal import Journal, check
+from orchestration.sweeps.lock import held
 from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.task import Task
 
 Array = NDArray[np.float64]
+MOST_WORKERS = 1000
+_MOST_IN_MEMORY = 4e9  # bytes of traces
 
 
 def run(
@@ -53,16 +58,21 @@ def run(
     Raises
     ------
     UserError
-        If the FMU cannot be opened, or the folder is of another sweep.
+        If the FMU cannot be opened, or the folder is of another sweep, of another process, or holds something else.
     """
+    if folder is None:
+        check_memory(task, cases)
     guid = read_description(task.path).guid
-    with tempfile.TemporaryDirectory(prefix="ppy-sweep-") as scratch:
-        journal = Journal(folder or Path(scratch) / "journal", task, cases.cases, guid)
+    with ExitStack() as stack:
+        place = folder or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ppy-sweep-")))
+        check(place)
+        stack.enter_context(held(place))
+        journal = Journal(place, task, cases.cases, guid)
         left, whole = journal.left, len(cases.cases)
         progress(whole - len(left), whole)
         alike = _alike(cases, left)
         if scheduler is None or not left:
-            ran = outcomes(task, cases.cases, [*alike], workers)
+            ran = outcomes(task, cases.cases, [*alike], min(workers, max(1, len(alike))))
         else:
             ran = outcomes_of_cluster(scheduler, task, cases.cases, [*alike])
         done = whole - len(left)
@@ -76,6 +86,22 @@ def run(
             found.load()
         del journal  # before its folder goes: Windows keeps what is open
     return found.assign_attrs(model=model.name, guid=guid, engine=task.engine)
+
+
+def check_memory(task: Task, cases: Design) -> None:
+    """Refuse a sweep whose traces are made in memory, and do not belong there.
+
+    Raises
+    ------
+    UserError
+        How large they are.
+    """
+    size = 8.0 * len(cases.cases) * len(task.outputs) * len(task.time) if TRACE in task.keep else 0.0
+    if size > _MOST_IN_MEMORY:
+        raise UserError(
+            f"--keep {TRACE}: {size / 1e9:.3g} GB of traces, and at most {_MOST_IN_MEMORY / 1e9:g} GB are taken into "
+            "memory; name a store, such as --out traces.zarr (in Python a folder)"
+        )
 
 
 def _alike(cases: Design, left: Sequence[int]) -> Mapping[int, Sequence[int]]:

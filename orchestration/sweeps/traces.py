@@ -7,7 +7,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray
@@ -46,9 +46,7 @@ class TraceFile:
         if mode == "w+":
             np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape)
             reserve(path)
-        there = np.load(path, mmap_mode="r")
-        if there.shape != shape or there.dtype != np.dtype("f8"):
-            raise ValueError(f"{path.name} is of another shape")
+        there = opened(path, "r", shape, "f8")
         self._first, self._bytes = int(there.offset), 8 * shape[1] * shape[2]
 
     def write(self, row: int, trace: Array) -> None:
@@ -97,6 +95,22 @@ def pieces(array: xarray.DataArray) -> Iterator[Array]:
     half = array.sizes[divided] // 2
     for part in (slice(half), slice(half, None)):
         yield from pieces(array.isel({divided: part}))
+
+
+def opened(path: Path, mode: Literal["r", "r+"], shape: tuple[int, ...], kind: str) -> Any:
+    """Map an array of a shape and a type that is there already.
+
+    Raises
+    ------
+    ValueError
+        If it is not there, or is none of them.
+    """
+    if not path.exists():
+        raise ValueError(f"{path.name} is missing")
+    there = np.lib.format.open_memmap(path, mode)
+    if there.shape != shape or there.dtype != np.dtype(kind):
+        raise ValueError(f"{path.name} is of another shape")
+    return there
 
 
 def reserve(path: Path) -> None:

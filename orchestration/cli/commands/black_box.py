@@ -50,13 +50,14 @@ def black_box(
     paths, noises = _numbers("--orders", orders, 1), _numbers("--noise-orders", noise_orders, 1)
     late = _numbers("--delays", delays, 0)
     for name, text in (("--inputs", inputs), ("--structures", structures)):
-        if text is not None and not comma_list(text):
+        if text is not None and not comma_list(text, name):
             raise UserError(f"{name} {text!r}: name at least one, or leave the option out")
     with progress() as tell:
         tell(f"identifying models of {output}")
         found = work(
-            record, output, comma_list(inputs), step=step, share=share, structures=comma_list(structures),
-            path_orders=paths, noise_orders=noises, delays=late[0] if len(late) == 1 else late, criterion=criterion,
+            record, output, comma_list(inputs, "--inputs"), step=step, share=share,
+            structures=comma_list(structures, "--structures"), path_orders=paths, noise_orders=noises,
+            delays=late[0] if len(late) == 1 else late, criterion=criterion,
             progress=tell.done,
         )  # fmt: skip
     with standard_output_for(result):

@@ -45,7 +45,7 @@ def build(
         raise UserError("--with and --set are about one model; name it")
     classes = []
     for name in names or MODELS:
-        cls = find_class(name, comma_list(effects))
+        cls = find_class(name, comma_list(effects, "--with"))
         known = {p.name: declared_signal(p) for p in (*cls.layout.parameters, *cls.layout.texts)}
         if values := read_settings(name, settings or [], known):
             cls = stack(cls, name=f"{cls.name}_set", defaults=values)

@@ -46,7 +46,7 @@ def compare(
     from orchestration.reporting import pictures
     from orchestration.reporting.console import progress, tell_repairs, wrote
 
-    names = comma_list(fit)
+    names = comma_list(fit, "--fit")
     if fit is not None and not names:
         raise UserError(f"--fit {fit!r}: name the parameters to recalibrate, e.g. R1,R2,C")
     Outputs(
@@ -54,7 +54,7 @@ def compare(
         {"--out": out, "--json": result, "--plot": plot},
         {"--out": JSON, "--json": JSON, "--plot": pictures.FORMATS},
     ).check()
-    opened = open_model(model, runtime, comma_list(effects))
+    opened = open_model(model, runtime, comma_list(effects, "--with"))
     parameters = opened.settings(settings or [], preset)
     data = work.read_for(opened, record, parse_mapping(mapping or []))
     tell_repairs(data.repairs)

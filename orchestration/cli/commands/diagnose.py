@@ -151,11 +151,12 @@ def diagnose(
     files = one_model.Files(
         records, holdout or (), result, report, fmu, experiment, platform_list(platforms), compare, ssp=ssp
     )
-    named = comma_list(effects)
+    named = comma_list(effects, "--effects")
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):
         one_model.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each), not no_laws,
-            comma_list(fit),
+            comma_list(hold, "--hold"), interpolate, comma_list(laid_over, "--with"), time, runs,
+            comma_list(each, "--each"), not no_laws,
+            comma_list(fit, "--fit"),
         )  # fmt: skip

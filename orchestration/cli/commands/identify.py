@@ -60,7 +60,7 @@ def identify(
     from orchestration.reporting import pictures
     from orchestration.reporting.console import progress, tell_repairs
 
-    names = comma_list(fit)
+    names = comma_list(fit, "--fit")
     if not names:
         raise UserError(f"--fit {fit!r}: name the parameters, e.g. R1,R2,C")
     profiled = _profiled(profile, names, profile_plot)
@@ -69,7 +69,7 @@ def identify(
         {"--ssv": ssv, "--json": result, "--plot": plot, "--profile-plot": profile_plot},
         {"--ssv": (".ssv",), "--json": JSON, "--plot": pictures.FORMATS, "--profile-plot": pictures.FORMATS},
     ).check()
-    opened = open_model(model, "native", comma_list(effects))
+    opened = open_model(model, "native", comma_list(effects, "--with"))
     parameters = opened.settings(settings or [], preset)
     data = work.read_for(opened, record, parse_mapping(mapping or []))
     tell_repairs(data.repairs)
@@ -107,7 +107,7 @@ def _write(found: Comparison, ssv: Path | None, plot: Path | None, profile_plot:
 
 def _profiled(text: str | None, names: list[str], plot: Path | None) -> list[str]:
     """Parameters of which a profile is wanted; refused before any work is done."""
-    wanted = comma_list(text)
+    wanted = comma_list(text, "--profile")
     if text is not None and not wanted:
         raise UserError(f"--profile {text!r}: name some of the fitted parameters, {','.join(names)}")
     if strange := [name for name in wanted if name not in names]:

@@ -18,7 +18,7 @@ def info(model: Model, effects: With = None, result: Json = None) -> None:
     from orchestration.cli.models import model_file
 
     Outputs({"the model": model_file(model)}, {"--json": result}, {"--json": JSON}).check()
-    known = _facts(model, comma_list(effects))
+    known = _facts(model, comma_list(effects, "--with"))
     with standard_output_for(result):
         _show(known)
         write_json(result, _as_json(known))

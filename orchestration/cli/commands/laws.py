@@ -71,7 +71,7 @@ def laws(
     from orchestration.cli import laws as asking
     from orchestration.cli.diagnose import Files
 
-    named = comma_list(effects)
+    named = comma_list(effects, "--effects")
     considered = [] if named in ([], ["none"]) else named
     files = Files(
         records, holdout or (), result, report, fmu, platforms=platform_list(platforms), effect=effect_out
@@ -79,5 +79,6 @@ def laws(
     with standard_output_for(result):
         asking.run(
             files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold), interpolate, comma_list(laid_over), time, runs, comma_list(each),
+            comma_list(hold, "--hold"), interpolate, comma_list(laid_over, "--with"), time, runs,
+            comma_list(each, "--each"),
         )  # fmt: skip

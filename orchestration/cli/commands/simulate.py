@@ -56,7 +56,7 @@ def simulate(
         {"--out": out, "--plot": plot},
         {"--out": SIGNALS, "--plot": pictures.FORMATS},
     ).check()
-    opened = open_model(model, runtime, comma_list(effects))
+    opened = open_model(model, runtime, comma_list(effects, "--with"))
     parameters = opened.settings(settings or [], preset)
     time, inputs = _stimulus(opened, input_file, mapping or [], parameters, stop, step)
     with progress() as tell:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +16,9 @@ from orchestration.cli.outputs import Outputs
 if TYPE_CHECKING:
     import xarray
 
+    from orchestration.sweeps.design import Design
     from orchestration.sweeps.fitted import Fitted
+    from orchestration.sweeps.task import Task
 
 _DATASET, _ZARR, _TOML = (".nc", ".zarr"), ".zarr", (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
@@ -31,8 +33,8 @@ Over = Annotated[
 ]
 DesignKind = Annotated[
     str,
-    typer.Option("--design", help="grid, list (first values together, then second ones), latin-hypercube, sobol; "
-                 "sobol-indices, tornado: which parameters matter."),
+    typer.Option("--design", help="grid, list (first values together, then second ones), draws (a list drawn at "
+                 "random: bands), latin-hypercube, sobol; sobol-indices, tornado: which parameters matter."),
 ]  # fmt: skip
 Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of latin-hypercube and sobol; of "
                                        "sobol-indices for each parameter, and twice as many.")]  # fmt: skip
@@ -95,16 +97,18 @@ def sweep(
 
     _check_outputs(model, fitted, out, plot)
     folder = out and out.with_name(f"{out.name}.part")
-    how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder}
+    how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder,
+                           "check": _check(out, plot)}  # fmt: skip
     if Path(model).suffix.lower() in _TOML:
         _refuse_beside_file(context)
         work = _of_file(Path(model))
     else:
         what = {
             "stop": stop, "step": step, "kind": design, "samples": samples, "seed": seed, "fitted": fitted,
-            "outputs": comma_list(outputs), "keep": comma_list(keep) if keep is not None else None,
+            "outputs": comma_list(outputs, "--outputs"),
+            "keep": comma_list(keep, "--keep") if keep is not None else None,
         }  # fmt: skip
-        work = _of_options(model, over or [], runtime, comma_list(effects), settings or [], preset, what)
+        work = _of_options(model, over or [], runtime, comma_list(effects, "--with"), settings or [], preset, what)
     with console.progress() as tell:
         tell(f"sweeping {model}")
         data = work(progress=tell.done, **how)
@@ -126,6 +130,21 @@ def _check_outputs(model: str, fitted: Path | None, out: Path | None, plot: Path
     ).check()
     if store is not None:
         stored.check(store)
+
+
+def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None]:
+    """Say what is refused of a sweep before it is run: what cannot be written or drawn then."""
+
+    def check(task: Task, cases: Design) -> None:
+        from orchestration.sweeps.run import check_memory
+        from orchestration.sweeps.sensitivity.analysis import check_picture
+
+        if out is None or out.suffix.lower() != _ZARR:
+            check_memory(task, cases)
+        if plot is not None:
+            check_picture(plot, cases.kind, task.keep)
+
+    return check
 
 
 def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: Path | None) -> None:
@@ -222,11 +241,13 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of: they are nowhere else."""
     from orchestration.experiment import results
     from orchestration.reporting.console import wrote
-    from orchestration.sweeps import stored
+    from orchestration.sweeps import journal, stored
+    from orchestration.sweeps.lock import held
 
-    (stored if out.suffix.lower() == _ZARR else results).write(data, out)
-    if parts is not None:
-        shutil.rmtree(parts, ignore_errors=True)
+    with nullcontext() if parts is None else held(parts):
+        (stored if out.suffix.lower() == _ZARR else results).write(data, out)
+        if parts is not None:
+            journal.remove(parts)
     wrote(out)
 
 

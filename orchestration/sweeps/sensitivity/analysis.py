@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import xarray
 from rich.table import Table
 
 from fmus.kit.errors import UserError
+from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.sensitivity import bands, indices, tornado
 
 
@@ -31,6 +32,26 @@ _BY_DESIGN = {
 def analysis_of(design: str) -> Analysis | None:
     """Return what a sweep of a design is made for; None for its cases themselves."""
     return _BY_DESIGN.get(design)
+
+
+def check_picture(path: Path, design: str, keep: Sequence[str]) -> None:
+    """Refuse a picture of what a sweep does not keep, before it is run.
+
+    Parameters
+    ----------
+    path : Path
+    design : str
+    keep : sequence of str
+        Reductions, and ``trace``.
+
+    Raises
+    ------
+    UserError
+    """
+    if design == bands.KIND and TRACE not in keep:
+        raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
+    if design != bands.KIND and not {*keep} - {TRACE}:
+        raise UserError(f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none")
 
 
 def together(data: xarray.Dataset, analysed: xarray.Dataset) -> xarray.Dataset:

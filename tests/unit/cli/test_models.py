@@ -123,7 +123,7 @@ def test_a_wrong_effect_is_answered_with_those_there_are(folder, command):
     parts = ["ppy_actuator: no effect named 'strain_saturatio' (did you mean strain_saturation?)", "double_layer, "]
     refused(folder, *command, "--with", "strain_saturatio", parts=[*parts, "sensor_lag(OUTPUT)", "OUTPUT is voltage"])
     refused(folder, *command, "--with", "slack,sensor_lag", parts=["'sensor_lag'", "sensor_lag(voltage)"])
-    refused(folder, *command, "--with", "slack,slack", parts=["'slack' is laid over it twice"])
+    refused(folder, *command, "--with", "slack,slack", parts=["--with 'slack,slack': slack is named twice"])
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 import xarray
 
+import orchestration as ppy_rig
 from fmus.kit.errors import UserError
 from orchestration.cli.app import main
+from orchestration.cli.options import comma_list
 from orchestration.experiment import results
-from tests.support.command import on_terminal, ppy, works
+from orchestration.sweeps import run
+from tests.support.command import on_terminal, ppy, refused, works
 from tests.support.hosts import build_one_state_fmu
 
 
@@ -92,6 +95,8 @@ def test_what_a_preset_sets_can_be_swept(tmp_path):
         (["--over", "tau=1..2:3", "--outputs", "y"], "no output named 'y'"),
         (["--over", "u=1..2:3"], "swept, and set"),
         (["--over", "tau=1..2:3", "--keep", "trace", "--plot", "c.png"], "numbers are drawn over parameters"),
+        (["--over", "tau=1..2:3", "--keep", "last,last"], "--keep 'last,last': last is named twice"),
+        (["--over", "tau=1..2:3", "--outputs", "x,,x"], "--outputs 'x,,x': there is nothing before or after a comma"),
         ([], "--over"),
     ],
 )
@@ -100,3 +105,34 @@ def test_it_refuses_in_a_line(folder, arguments, told):
     assert done.returncode == 2
     assert told in done.stderr.replace("\n", " ")
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--keep", "trace", "--plot", "c.png"], "numbers are drawn over parameters"),
+        (["--design", "draws", "--keep", "last", "--plot", "c.png"], "bands are drawn over time"),
+        (["--keep", "trace", "--out", "c.nc", "--step", "0.000005s"], "8 GB of traces"),
+        (["--keep", "trace", "--step", "0.000005s"], "8 GB of traces"),
+    ],
+)
+def test_it_refuses_before_any_work(folder, arguments, told, monkeypatch):
+    """What is not drawn, or does not fit, is known beforehand."""
+    monkeypatch.setattr(run, "outcomes", lambda *given: pytest.fail("a case was run"))
+    refused(folder, *CALL, "--over", "tau=1..2:1000", *arguments, parts=[told])
+    assert not (folder / "c.nc.part").exists()
+
+
+def test_in_python_what_does_not_fit_into_memory_is_refused_too(folder, monkeypatch):
+    monkeypatch.setattr(run, "outcomes", lambda *given: pytest.fail("a case was run"))
+    call = {"time": np.linspace(0.0, 5.0, 1_000_001), "keep": ["trace"]}
+    with pytest.raises(UserError, match=r"8 GB of traces, and at most 4 GB .*in Python a folder"):
+        ppy_rig.sweep(str(folder / "one_state.fmu"), {"tau": "1..2:1000"}, **call)
+
+
+@pytest.mark.parametrize("text", ["a,,b", "a,", ",a", " , ", "a,b,a", "a, a"])
+def test_a_list_is_taken_literally(text):
+    with pytest.raises(UserError, match="--fit"):
+        comma_list(text, "--fit")
+    assert comma_list(" a , b", "--fit") == ["a", "b"]
+    assert comma_list(None, "--fit") == comma_list("", "--fit") == []

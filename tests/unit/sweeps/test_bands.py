@@ -230,7 +230,7 @@ def test_a_file_may_name_a_fit(folder):
     )
     assert "quantiles of" in here("sweep", "s.toml", cwd=folder).stdout
     for old, new, told in (
-        ("samples = 20\n", "", "--samples"),
+        ("samples = 20\n", "", "such as samples = 200"),
         ("samples = 20\n", 'samples = 20\ndesign = "sobol"\n', "a design besides"),
         ("samples = 20\n", 'samples = 20\nover.tau = "1..2:3"\n', "names a fit to draw them from"),
     ):
@@ -278,6 +278,8 @@ def test_draws_that_the_model_does_not_allow_are_refused(tmp_path):
         (lambda a: a["fitted"]["parameters"].update(R1=a["fitted"]["parameters"].pop("tau")), "has no parameter R1"),
         (lambda a: a["fitted"]["correlations"].append({"between": ["tau", "R"], "value": 0.5}), "not fitted"),
         (lambda a: a["fitted"]["correlations"].append({"between": ["tau", "R"], "value": 1.5}), "value = 1.5"),
+        (lambda a: a.update(fitted=[]), "fitted = []: should be a table"),
+        (lambda a: a["fitted"]["parameters"].update(tau=[1.0]), "fitted.parameters.tau = [1.0]: should be a table"),
     ],
 )
 def test_a_file_that_is_no_fit_of_the_model_is_refused_in_a_line(folder, tmp_path, change, told):
@@ -297,10 +299,39 @@ def test_a_file_that_is_no_fit_of_the_model_is_refused_in_a_line(folder, tmp_pat
         (["--samples", "5", "--design", "sobol"], "leave out --over and --design"),
         (["--samples", "5", "--set", "tau=1"], "swept, and set"),
         (["--samples", "5", "--fitted", "none.json"], "No such file"),
+        (["--samples", "0"], "--samples 0: one or more"),
         (["--samples", "5", "--fitted", "r.csv"], "no JSON"),
+        (["--samples", "5", "--fitted", "deep.json"], "deep.json: no JSON"),
         (["--samples", "5", "--fitted", "."], "directory"),
     ],
     ids=lambda value: " ".join(value),
 )
 def test_what_does_not_go_together_is_refused_in_a_line(folder, arguments, told):
+    (folder / "deep.json").write_text(100_000 * "[")
     refused(folder, *CALL, *arguments, parts=[told])
+
+
+def pairs(*pairs):
+    return [{"between": pair, "value": 0.5} for pair in pairs]
+
+
+@pytest.mark.parametrize(
+    ("correlations", "told"),
+    [
+        (pairs(), "the correlation of offset and gain is missing"),
+        (pairs(("gain", "gain")), "a correlation of gain with itself"),
+        (pairs(("gain", "offset"), ("offset", "gain")), "the correlation of offset and gain is there twice"),
+        (pairs(("gain", "offset"), ("gain", "offset")), "the correlation of gain and offset is there twice"),
+    ],
+)
+def test_every_pair_has_one_correlation(tmp_path, correlations, told):
+    """Nothing is drawn as if there were none."""
+    parameter = {"value": 3.0, "ci95": [2.9, 3.1], "nominal": 1.0, "logarithmic": False}
+    parameters = {"offset": parameter | {"unit": "V"}, "gain": parameter | {"unit": "ohm"}}
+    path = tmp_path / "fit.json"
+    path.write_text(json.dumps({"fitted": {"parameters": parameters, "correlations": pairs(("gain", "offset"))}}))
+    drawn = read_fitted(path, model_of(Line)).draws(4000, 1)
+    assert np.corrcoef(drawn["offset"], drawn["gain"])[0, 1] == pytest.approx(0.5, abs=4.0 * 0.75 / np.sqrt(4000))
+    path.write_text(json.dumps({"fitted": {"parameters": parameters, "correlations": correlations}}))
+    with pytest.raises(UserError, match=told):
+        read_fitted(path, model_of(Line))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.sweeps import cluster
+from tests.support.command import ppy as command
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
 
 distributed = pytest.importorskip("distributed", reason="no Dask cluster without distributed")
@@ -113,10 +115,33 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
     call = {"over": {"tau": "0.5..4:5"}, "time": TIME}
     with pytest.raises(UserError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers there"):
         ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9")
-    with pytest.raises(UserError, match="no scheduler answers there"):
-        ppy.sweep(lag, **call, scheduler="nonsense://x")
     with pytest.raises(UserError, match="of this machine"):
         ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9", workers=2)
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("foo", "no address of a scheduler"),
+        ("nonsense://x:1", "no address of a scheduler"),
+        ("tcp://localhost", "no address of a scheduler"),
+        ("tcp://localhost:99999", "no address of a scheduler"),
+        ("inproc://1.2.3.4/5/6", "no address of a scheduler"),
+        ("tls://127.0.0.1:9", "no certificates"),
+    ],
+)
+def test_what_is_no_address_is_told_at_once_and_in_one_line(tmp_path, address, told):
+    """In a process of its own: what a client says that was made half is said when it goes."""
+    call = ("sweep", "ppy_actuator", "--over", "R1=0.3,0.5", "--set", "current=0.5", "--stop", "1s", "--step", "0.1s")
+    begun = time.monotonic()
+    done = command(*call, "--scheduler", address, cwd=tmp_path)
+    assert done.returncode == 2
+    (line,) = (line for line in done.stderr.splitlines() if line.startswith("error: "))
+    assert f"--scheduler {address}: " in line
+    assert told in line
+    assert "Traceback" not in done.stderr
+    assert "ignored" not in done.stderr
+    assert time.monotonic() - begun < 15.0
 
 
 def test_a_cluster_without_workers_is_told_in_a_line(lag, monkeypatch):

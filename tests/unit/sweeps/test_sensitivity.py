@@ -158,10 +158,10 @@ def fragile(tmp_path_factory):
 
 
 def test_nothing_stands_in_for_a_case_that_failed(fragile):
-    found = swept(fragile, {"u": "1..6"}, samples=8)
+    found = swept(fragile, {"u": "1..6"}, samples=16)
     count = int((found["failure"].values != "").sum())
-    assert 0 < count < 24
-    with pytest.raises(UserError, match=rf"no Sobol indices: {count} of 24 cases failed.*step from 0 s failed") as told:
+    assert 0 < count < 48
+    with pytest.raises(UserError, match=rf"no Sobol indices: {count} of 48 cases failed.*step from 0 s failed") as told:
         ppy.sensitivity(found)
     assert "\n" not in str(told.value)
     moved = ppy.tornado(swept(fragile, {"u": "0..6"}, kind="tornado", samples=None))
@@ -175,6 +175,8 @@ def test_nothing_stands_in_for_a_case_that_failed(fragile):
     ("call", "told"),
     [
         ({"samples": 100}, "powers of two"),
+        ({"samples": 1}, "--samples 1: --design sobol-indices takes 16 or more"),
+        ({"samples": 8}, "--samples 8: --design sobol-indices takes 16 or more"),
         ({"samples": None}, "needs --samples"),
         ({"samples": 2**26}, "at most"),
         ({"keep": ["trace"]}, "asks for numbers"),
@@ -258,13 +260,13 @@ def test_a_file_says_where_the_others_stay(folder):
 
 
 def test_cases_are_kept_where_indices_are_refused(fragile, tmp_path):
-    call = ("sweep", fragile, "--over", "u=1..6", "--design", "sobol-indices", "--samples", 8, "--stop", "1s")
+    call = ("sweep", fragile, "--over", "u=1..6", "--design", "sobol-indices", "--samples", 16, "--stop", "1s")
     ended = command(*call, "--keep", "last", "--out", "f.nc", cwd=tmp_path)
     assert ended.returncode == 2
     assert "error: no Sobol indices: " in ended.stderr
     assert "Traceback" not in ended.stderr
     read = xarray.load_dataset(tmp_path / "f.nc", engine="scipy")
-    assert read["x_last"].shape == (24,)
+    assert read["x_last"].shape == (48,)
     assert not (tmp_path / "f.nc.part").exists()
 
 

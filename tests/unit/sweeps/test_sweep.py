@@ -17,7 +17,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
-from orchestration.sweeps import crew
+from orchestration.sweeps import crew, run
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
 
 TIME = 0.1 * np.arange(51)
@@ -196,6 +196,19 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, kills):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_there_are_no_more_workers_than_cases(lag, monkeypatch):
+    asked, known = [], run.outcomes
+    monkeypatch.setattr(
+        run, "outcomes", lambda task, cases, which, count: asked.append(count) or known(task, cases, which, count)
+    )
+    call = {"over": {"tau": [1.0, 2.0]}, "inputs": {"u": 1.0}, "time": TIME}
+    assert ppy.sweep(lag, **call, workers=1000).identical(ppy.sweep(lag, **call))
+    assert asked == [2, 1]
+    for count in (0, 1001):
+        with pytest.raises(UserError, match=rf"workers {count}: from 1 to 1,000"):
+            ppy.sweep(lag, **call, workers=count)
+
+
 def test_workers_end_with_an_interrupt(lag):
     def interrupt(done, whole):
         if done == 5:
@@ -254,7 +267,7 @@ def test_a_case_that_is_refused_says_why_and_the_others_go_on(fragile, workers):
         ({"over": {"tau": "1..2:3"}, "outputs": ["y"]}, "no output named 'y'"),
         ({"over": {"tau": "1..2:3"}, "keep": ["median"]}, "no such reduction"),
         ({"over": {"tau": "1..2:3"}, "keep": []}, "names nothing"),
-        ({"over": {"tau": "1..2:3"}, "workers": 0}, "one or more"),
+        ({"over": {"tau": "1..2:3"}, "workers": 0}, "workers 0: from 1"),
     ],
 )
 def test_what_does_not_fit_is_told_before_anything_runs(lag, call, told):
