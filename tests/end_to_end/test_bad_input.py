@@ -243,7 +243,7 @@ def test_a_constant_output_has_no_fit_and_that_is_said(folder):
         (["--fit", "R1,R9"], ["no parameter named 'R9'"]),
         (["--fit", "R1,C,R1"], ["R1 is named twice"]),
         (["--fit", "current"], ["no parameter named 'current'"]),
-        (["--fit", ","], ["--fit ','", "R1,R2,C"]),
+        (["--fit", ","], ["--fit ','", "nothing before or after a comma"]),
         (["--map", "U=voltage"], ["record.csv", "no column 'U'"]),
         (["--map", "voltage=tension"], ["no signal 'tension'"]),
         (["--map", "voltage"], ["file_column=signal"]),
