@@ -91,7 +91,7 @@ def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float]:
         case = (time.process_time() - begin) / len(cases)
     answers = [pickle.dumps(outcomes[at : at + PART]) for at in range(0, len(outcomes), PART)]
     with tempfile.TemporaryDirectory() as folder:
-        journal = Journal(Path(folder) / "journal", task, cases, "")
+        journal = Journal(Path(folder), task, cases, "")
         begin, row = time.process_time(), 0
         for answer in answers:
             for outcome in pickle.loads(answer):

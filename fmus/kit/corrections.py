@@ -173,7 +173,7 @@ def _power(unit: str, power: float) -> str:
     """Unit of a power of what has a unit."""
     if not power or unit == "1":
         return "1"
-    within = f"({unit})" if "/" in unit or "*" in unit else unit
+    within = f"({unit})" if set(unit) & set("/*^") else unit
     return within + (f"^{power:g}" if power != 1 else "")
 
 

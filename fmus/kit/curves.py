@@ -179,7 +179,7 @@ def per(unit: str, below: str, power: float = 1) -> str:
     """Unit of a coefficient that is multiplied by a variable, or by a power of it."""
     if not power or below == "1":
         return unit
-    above, under = (f"({u})" if "/" in u or "*" in u else u for u in (unit, below))
+    above, under = (f"({u})" if set(u) & set("/*^") else u for u in (unit, below))
     return f"{above}/{under}" + (f"^{power:g}" if power != 1 else "")
 
 

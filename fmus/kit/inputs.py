@@ -191,7 +191,7 @@ def input_saturation(component: type[Component], input: str, scale: float | None
     """
     of, size = _input(component, input, scale)
     level = f"{input}_saturation"
-    under = f"({of.unit})" if "/" in of.unit or "*" in of.unit else of.unit
+    under = f"({of.unit})" if set(of.unit) & set("/*^") else of.unit
     return _feeding(input_saturation, component, input, (scale,), "x / sqrt(1 + c x^2)",
         lambda self, x: x / sqrt(1.0 + getattr(self, level) * (x * x)), {
         level: Parameter(
