@@ -15,7 +15,7 @@ from math import inf, isfinite
 from typing import Any
 
 from .component import Component, Effect, Term
-from .curves import ANY, SHAPES, coefficient, per
+from .curves import ANY, SHAPES, coefficient, in_brackets, per
 from .declare import Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
@@ -173,8 +173,7 @@ def _power(unit: str, power: float) -> str:
     """Unit of a power of what has a unit."""
     if not power or unit == "1":
         return "1"
-    within = f"({unit})" if set(unit) & set("/*^") else unit
-    return within + (f"^{power:g}" if power != 1 else "")
+    return in_brackets(unit) + (f"^{power:g}" if power != 1 else "")
 
 
 def _tabulated(

@@ -175,12 +175,16 @@ def coefficient(unit: str, nominal: float, doc: str, least: float = -ANY) -> Any
     return Parameter(0.0, unit, min=least * nominal, max=ANY * nominal, nominal=nominal, doc=f"{doc}; 0 is without")
 
 
+def in_brackets(unit: str) -> str:
+    """A unit to divide, to divide by, or to raise to a power: in brackets where it is not a name alone."""
+    return f"({unit})" if set(unit) & set("/*^") else unit
+
+
 def per(unit: str, below: str, power: float = 1) -> str:
     """Unit of a coefficient that is multiplied by a variable, or by a power of it."""
     if not power or below == "1":
         return unit
-    above, under = (f"({u})" if set(u) & set("/*^") else u for u in (unit, below))
-    return f"{above}/{under}" + (f"^{power:g}" if power != 1 else "")
+    return f"{in_brackets(unit)}/{in_brackets(below)}" + (f"^{power:g}" if power != 1 else "")
 
 
 def added(

@@ -15,6 +15,7 @@ from typing import Any
 
 from .arms import GIVES
 from .component import Component, Effect, Term
+from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, sqrt
@@ -191,11 +192,10 @@ def input_saturation(component: type[Component], input: str, scale: float | None
     """
     of, size = _input(component, input, scale)
     level = f"{input}_saturation"
-    under = f"({of.unit})" if set(of.unit) & set("/*^") else of.unit
     return _feeding(input_saturation, component, input, (scale,), "x / sqrt(1 + c x^2)",
         lambda self, x: x / sqrt(1.0 + getattr(self, level) * (x * x)), {
         level: Parameter(
-            0.0, f"1/{under}^2" if of.unit != "1" else "1", min=0.0, max=_ANY / size**2, nominal=0.1 / size**2,
+            0.0, per("1", of.unit, 2), min=0.0, max=_ANY / size**2, nominal=0.1 / size**2,
             doc=f"inverse square of the {input} that is never passed (c); 0 is without",
         ),
     })  # fmt: skip
