@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import hidden, laws, naming, public_laws, stamp
+from benchmarks import foreign, hidden, laws, naming, public_laws, stamp
 
 
 @pytest.mark.parametrize(
@@ -16,6 +16,7 @@ from benchmarks import hidden, laws, naming, public_laws, stamp
         (naming.PAGE, naming.CODE, "make naming"),
         (laws.PAGE, laws.CODE, "make laws-study"),
         (public_laws.PAGE, public_laws.CODE, "make public-laws"),
+        (foreign.PAGE, foreign.CODE, "make foreign-study"),
     ],
 )
 def test_a_page_was_drawn_with_this_code(page, code, how):
