@@ -11,8 +11,8 @@ import numpy as np
 
 import orchestration as ppy
 from orchestration.sweeps.compiled import chosen
-from orchestration.sweeps.journal import Journal
 from orchestration.sweeps.parts import LARGEST, SECONDS
+from orchestration.sweeps.storage.journal import Journal
 from orchestration.sweeps.task import Repeated, Task
 
 from . import machine

@@ -19,9 +19,9 @@ from orchestration.fmu.signal import Signal
 from orchestration.sweeps.cluster import outcomes_of_cluster
 from orchestration.sweeps.crew import Part, outcomes
 from orchestration.sweeps.design import Design
-from orchestration.sweeps.journal import Journal, check
-from orchestration.sweeps.lock import held
 from orchestration.sweeps.reductions import TRACE
+from orchestration.sweeps.storage.journal import Journal, check
+from orchestration.sweeps.storage.lock import held
 from orchestration.sweeps.task import Task
 
 Array = NDArray[np.float64]

@@ -13,6 +13,7 @@ from fmus.kit import Component, Input, Parameter, State, UserError, sqrt
 from orchestration.sweeps import compiled
 from orchestration.sweeps import task as task_module
 from orchestration.sweeps.compiled import CompiledCases, chosen
+from orchestration.sweeps.reductions import REDUCTIONS, reduced
 from orchestration.sweeps.task import Repeated, Task
 from tests.support.hosts import build_one_state_fmu
 from tests.support.kernel import without_compiler
@@ -125,9 +126,18 @@ def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypa
 
 
 def test_workers_come_to_the_same_bits():
-    over, driven = {"R1": "0.3..0.7:37"}, {"current": np.sin(TIME)}
-    one, two = (ppy.sweep("ppy_actuator", over, driven, time=TIME, workers=n, engine="compiled") for n in (1, 2))
+    call = {"over": {"R1": "0.3..0.7:37"}, "inputs": {"current": np.sin(TIME)}, "keep": [*REDUCTIONS, "trace"]}
+    one, two = (ppy.sweep("ppy_actuator", **call, time=TIME, workers=n, engine="compiled") for n in (1, 2))
     assert one.identical(two)
+
+
+@pytest.mark.parametrize("outputs", [1, 2, 9])
+@pytest.mark.parametrize("points", [1, 2, 51, 5001])
+def test_a_case_is_reduced_to_the_same_bits_whatever_it_is_told_with(points, outputs):
+    courses = np.random.default_rng(points).normal(1.0, 1.0, (17, points, outputs))
+    together = reduced(courses, [*REDUCTIONS])
+    for k in range(17):
+        assert reduced(courses[k : k + 1], [*REDUCTIONS])[0].tobytes() == together[k].tobytes()
 
 
 def test_the_engine_is_chosen_by_what_is_known(lag, tmp_path):

@@ -15,7 +15,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
-from orchestration.sweeps import journal, stored
+from orchestration.sweeps.storage import journal, stored
 from tests.support.command import refused, works
 from tests.support.hosts import build_one_state_fmu
 
@@ -181,7 +181,7 @@ def test_a_case_that_failed_and_was_not_done_has_no_failure_afterwards(folder):
 
 HOLDS = """
 import sys, time, pathlib
-from orchestration.sweeps.lock import held
+from orchestration.sweeps.storage.lock import held
 with held(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
-from orchestration.sweeps import lock
+from orchestration.sweeps.storage import lock
+from orchestration.sweeps.storage.traces import TraceFile, opened, reserve
 from orchestration.sweeps.task import Outcomes, Task, failed
-from orchestration.sweeps.traces import TraceFile, opened, reserve
 
 Array = NDArray[np.float64]
 _ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = "sweep.json", "done.npy", "numbers.npy", "traces.npy", "failures.jsonl"
