@@ -1,8 +1,8 @@
 """Claims: a system that is written has what OMSimulator wants to know of it, in the form in which it documents that.
 
-OMSimulator cannot be installed from a package index alone (its package fetches a binary from elsewhere), so the oracle is
-its documented form: its schema ``oms.xsd``, and how it reads a description: elements by prefix and name, of several
-annotations the first only (https://github.com/OpenModelica/OMSimulator, pull request 890 and issues 751, 1094 and 1318).
+OMSimulator cannot be installed from a package index alone (its package fetches a binary from elsewhere), so the oracle
+is its documented form: its schema ``oms.xsd``, and how it reads a description: elements by prefix and name, of several
+annotations the first only (pull request 890 and issues 751, 1094 and 1318 of its repository).
 """
 
 from __future__ import annotations
