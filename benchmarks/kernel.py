@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,16 +66,8 @@ def _time(path: Path, name: str, output: str, steps: int, rounds: int) -> Times:
     values = 0.9 * np.sin(points)
     loops: dict[str, Callable[[Fmu, int], Callable[[], np.ndarray]]] = {
         BARE: lambda fmu, n: bare_loop(fmu, points[:n], name, values[:n], output),
-        KERNEL: lambda fmu, n: (
-            lambda: one_fmu.stepped(
-                fmu, course(fmu, points[:n], {name: values[:n]}, (), 1), [output], _silent, max(1, n // 200)
-            )[:, 0]
-        ),
-        PYTHON: lambda fmu, n: (
-            lambda: stepping.stepped(
-                fmu, course(fmu, points[:n], {name: values[:n]}, (), 1), [output], _silent, max(1, n // 200)
-            )[:, 0]
-        ),
+        KERNEL: lambda fmu, n: partial(_stepped, one_fmu.stepped, fmu, points[:n], {name: values[:n]}, output),
+        PYTHON: lambda fmu, n: partial(_stepped, stepping.stepped, fmu, points[:n], {name: values[:n]}, output),
     }
     seconds = {loop: np.empty(rounds) for loop in loops}
     for k in range(-1, rounds):  # the first does not count
@@ -90,6 +83,14 @@ def _time(path: Path, name: str, output: str, steps: int, rounds: int) -> Times:
         if len(set(found.values())) > 1 and path.stem != "empty":  # which answers nothing
             raise RuntimeError(f"{path.name}: the kernel and the loops differ")
     return Times(seconds)
+
+
+def _stepped(
+    way: Callable[..., None], fmu: Fmu, points: np.ndarray, inputs: dict[str, np.ndarray], output: str
+) -> np.ndarray:
+    result = np.empty((len(points), 1))
+    way(fmu, course(fmu, points, inputs, (), 1), [output], result, _silent, max(1, len(points) // 200))
+    return result[:, 0]
 
 
 def _silent(done: int) -> None:

@@ -28,8 +28,8 @@ def build(
         A component's name, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
     path : str or Path
         The ``.fmu`` to write.
-    runtime : {"native", "python"}
-        Compiled from C, or laws interpreted by Python.
+    runtime : {"native", "python", "pythonfmu"}
+        Compiled from C, laws interpreted by Python, or a stock archive of pythonfmu, which promises less.
     effects : sequence of str
         Effects of the catalogue to lay over it.
     platforms : sequence of str, optional

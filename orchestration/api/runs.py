@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 
 from fmus.kit.errors import UserError
 from orchestration.experiment.reading import read
+from orchestration.experiment.run import Unfinished
 from orchestration.experiment.run import run as make
+from orchestration.fmu.isolation.limits import Limits, isolation
 from orchestration.master import Run
 from orchestration.master import run as run_system
 from orchestration.system import System
@@ -25,7 +27,9 @@ def run(what: System, time: ArrayLike, inputs: Mapping[str, ArrayLike] | None = 
 
 
 @overload
-def run(what: str | Path, *, settings: Mapping[str, object] | None = None) -> xarray.Dataset: ...
+def run(
+    what: str | Path, *, settings: Mapping[str, object] | None = None, isolate: bool | Limits = False
+) -> xarray.Dataset: ...
 
 
 def run(
@@ -34,6 +38,7 @@ def run(
     inputs: Mapping[str, ArrayLike] | None = None,
     *,
     settings: Mapping[str, object] | None = None,
+    isolate: bool | Limits = False,
     **options: Any,
 ) -> Run | xarray.Dataset:
     """Run an experiment, or a system over time.
@@ -48,6 +53,8 @@ def run(
         Of a system: inputs by name.
     settings : Mapping of str to object, optional
         Of an experiment: what replaces values of its file, such as ``{"duration": "20 s", "R1": "610 mohm"}``.
+    isolate : bool or Limits
+        Run it in a process of its own, which an FMU may end or hang in without harm; with other limits than usual.
     **options
         Of a system: ``method``, ``record``, ``tolerance``, ``real_time``, ... as `orchestration.master.run` has.
 
@@ -59,7 +66,8 @@ def run(
     Raises
     ------
     UserError
-        If there is no such experiment, something does not fit what it is made on, or an FMU fails.
+        If there is no such experiment, something does not fit what it is made on, or an FMU fails; one that fails on
+        its way leaves what was computed as ``result`` of the error (``run`` for a system).
 
     Examples
     --------
@@ -72,5 +80,11 @@ def run(
         if time is None:
             raise UserError(f"{what.name}: time is needed to run a system, such as numpy.arange(0, 10, 0.01)")
         driven = {name: np.asarray(values, dtype=float) for name, values in (inputs or {}).items()}
-        return run_system(what, np.asarray(time, dtype=float), driven, **options)
-    return make(read(str(what), [f"{name}={value}" for name, value in (settings or {}).items()]), str(what))
+        return run_system(what, np.asarray(time, dtype=float), driven, isolation=isolation(isolate), **options)
+    result = make(
+        read(str(what), [f"{name}={value}" for name, value in (settings or {}).items()]), str(what),
+        isolation=lambda foreign: isolation(isolate),
+    )  # fmt: skip
+    if "failure" in result.attrs:
+        raise Unfinished(result.attrs["failure"], result)
+    return result

@@ -15,6 +15,7 @@ from fmus.kit import Component
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import shown
 from orchestration.fmu.archive import read_description
+from orchestration.fmu.isolation.limits import Limits, isolation
 from orchestration.fmu.model import Model, find_model, model_of
 from orchestration.fmu.signal import Value
 from orchestration.fmu.simulate import grid, plot
@@ -115,6 +116,7 @@ def simulate(
     stop: float | None = None,
     step: float | None = None,
     settings: Mapping[str, float | str] | None = None,
+    isolate: bool | Limits = False,
 ) -> Simulation:
     """Simulate a component or any FMU.
 
@@ -131,6 +133,8 @@ def simulate(
         Seconds.
     settings : Mapping of str to float or str, optional
         Parameters: in the model's units, or texts with a unit such as ``"6.3 N/mm"``.
+    isolate : bool or Limits
+        Run the FMU in a process of its own, which it may end or hang in without harm; with other limits than usual.
 
     Returns
     -------
@@ -139,7 +143,8 @@ def simulate(
     Raises
     ------
     UserError
-        If there is no such model or input, a value is out of range, or the FMU fails.
+        If there is no such model or input, a value is out of range, or the FMU fails; one that fails on its way leaves
+        ``time`` and ``outputs`` until then with the error.
 
     Examples
     --------
@@ -151,7 +156,9 @@ def simulate(
     subject = as_model(model)
     points, driven = stimulus(subject, inputs or {}, time, stop, step)
     parameters = values_of(subject, settings)
-    return Simulation(subject, points, driven, run_fmu(subject, points, driven, parameters))
+    return Simulation(
+        subject, points, driven, run_fmu(subject, points, driven, parameters, isolation=isolation(isolate))
+    )
 
 
 def stimulus(

@@ -15,11 +15,20 @@ from orchestration.experiment.live import Follower, Live, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subject import Subject, subject
+from orchestration.fmu.isolation.limits import Limits
 from orchestration.master import Run, Stopped
 from orchestration.master.reference.coupling_error import imbalance
 
 if TYPE_CHECKING:
     import xarray
+
+
+class Unfinished(UserError):
+    """An experiment that an FMU has stopped, or that could not keep pace; `result` is what there is of it."""
+
+    def __init__(self, message: str, result: xarray.Dataset):
+        super().__init__(message)
+        self.result = result
 
 
 def run(
@@ -29,6 +38,7 @@ def run(
     note: Callable[[str], None] = lambda text: None,
     fits: Callable[[xarray.Dataset], None] = lambda sketch: None,
     live: Live | None = None,
+    isolation: Callable[[bool], Limits | None] = lambda foreign: None,
 ) -> xarray.Dataset:
     """Make an experiment.
 
@@ -45,19 +55,21 @@ def run(
         Called, before anything is computed, with a first point of the results without values; it may refuse them.
     live : Live, optional
         Run in real time, and what to do meanwhile. Outputs about the links of proxies are recorded in any case then.
+    isolation : callable
+        Told whether an FMU is not one of ours, gives the limits of a process beside this one for the run, if any.
 
     Returns
     -------
     xarray.Dataset
         Inputs and recorded outputs over time in the FMU's units, with all that it takes to make the experiment again.
         Of each mechanical coupling of a system the energy that it made, the running sign of coupling error.
-        After an interrupt, what was computed, with the attribute ``complete`` 0. In real time also when an FMU fails or
-        the run does not keep pace, with the reason in the attribute ``failure``: what a rig did cannot be repeated.
+        After an interrupt, what was computed, with the attribute ``complete`` 0; also when an FMU fails on its way or
+        the run does not keep pace with real time, with the reason in the attribute ``failure``.
 
     Raises
     ------
     UserError
-        If something in the experiment does not fit what it is made on, or an FMU fails.
+        If something in the experiment does not fit what it is made on, or an FMU fails before the first point.
     KeyboardInterrupt
         If an interrupt came before the first point.
     """
@@ -71,11 +83,11 @@ def run(
         try:
             done = on.run(
                 time, inputs, prepared.settings, prepared.wanted, lambda points: progress(points, time.size),
-                None if follower is None else follower.pace,
+                None if follower is None else follower.pace, isolation(on.foreign),
             )  # fmt: skip
             failure = ""
         except Stopped as stopped:
-            if live is None or stopped.run.time.size == 0:
+            if stopped.run.time.size == 0:
                 raise
             done, failure = stopped.run, str(stopped)
         finally:

@@ -18,6 +18,7 @@ from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
 from orchestration.experiment.model import Experiment, Master
 from orchestration.fmu.archive import read_description
+from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.model import find_model
 from orchestration.fmu.signal import Signal, Value, read_signal
 from orchestration.master.reference.coupling_error import Mechanical, mechanical
@@ -29,8 +30,12 @@ from orchestration.system.ssp.vocabulary import ENDINGS
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]
 Runner = Callable[
-    [Array, Mapping[str, Array], Mapping[str, Value], Sequence[str], Progress, master.RealTime | None], master.Run
-]
+    [
+        Array, Mapping[str, Array], Mapping[str, Value], Sequence[str], Progress, master.RealTime | None,
+        Limits | None,
+    ],
+    master.Run,
+]  # fmt: skip
 _NO_READING = ("parameter", "input", "independent")
 
 
@@ -57,7 +62,10 @@ class Subject:
     couplings : list of Mechanical
         Those whose imbalance can be computed.
     run : callable
-        Takes communication points, inputs, parameters, names of outputs, progress, and how to keep pace with real time.
+        Takes communication points, inputs, parameters, names of outputs, progress, how to keep pace with real time, and
+        the limits of a process beside this one.
+    foreign : bool
+        Whether an FMU among it is not one of ours.
     """
 
     name: str
@@ -72,6 +80,7 @@ class Subject:
     guids: Mapping[str, str]
     couplings: Sequence[Mechanical]
     run: Runner
+    foreign: bool
 
 
 @contextmanager
@@ -132,14 +141,16 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
 
     def run(
         time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], record: Sequence[str], tell: Progress,
-        pace: master.RealTime | None = None,
+        pace: master.RealTime | None = None, isolation: Limits | None = None,
     ) -> master.Run:  # fmt: skip
         ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
         names = [f"{prefix}{name}" for name in record]
         if how.method == "fused":
             return _fused(ready, time, inputs, names, tell)
         options = how.model_dump(exclude_none=True)
-        return master.run(ready, time, inputs, record=names, progress=tell, real_time=pace, **options)
+        return master.run(
+            ready, time, inputs, record=names, progress=tell, real_time=pace, isolation=isolation, **options
+        )
 
     wanted = [str(port) for port in system.outputs.values()]
     return Subject(
@@ -160,6 +171,7 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
         guids={name: description.guid for name, description in described.items()},
         couplings=mechanical(system) if how.couples_evenly else [],
         run=run,
+        foreign=any(member.cls is None for member in system.members),
     )
 
 

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import ctypes
-import os
-import shutil
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from pathlib import Path
-from types import TracebackType
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import fmpy.fmi2 as fmi2
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError, suggestion
-from orchestration.fmu.archive import first_line, read_description, unpack
+from fmus.kit.errors import UserError
 from orchestration.fmu.calls import Transfer, bind, transfers
-from orchestration.fmu.log import MessageLog
-from orchestration.fmu.signal import Value, check_type, is_text, type_of
+from orchestration.fmu.isolation.box import noted
+from orchestration.fmu.opened import OpenedFmu
+from orchestration.fmu.signal import check_type, is_text, type_of
 
 Array = NDArray[np.float64]
-_STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
-class Fmu:
+class Fmu(OpenedFmu):
     """One instance of an FMU; a context manager that frees it and removes its unzipped folder.
 
     Parameters
@@ -53,71 +47,9 @@ class Fmu:
         How many calls ended with a warning.
     corrupted : bool
         Whether one ended as fatal: it must not be called again.
+    label : str
+        What it is called where several speak.
     """
-
-    def __init__(
-        self,
-        path: Path,
-        parameters: Mapping[str, Value] | None = None,
-        name: str | None = None,
-        folder: str | None = None,
-    ):
-        self.path = path
-        self.parameters = dict(parameters or {})
-        self.description = read_description(path)
-        self.variables = {v.name: v for v in self.description.modelVariables}
-        self.name = name or self.description.modelName
-        self._log = MessageLog()
-        self._shared, self._folder = folder, folder
-        self._slave: Any = None
-        self.warnings = 0
-        self.corrupted = False
-
-    @property
-    def complaints(self) -> str:
-        """What the FMU had to say although no call failed, in one line; empty if nothing."""
-        last = self._log.last("no message" if self.warnings else "")
-        return f"{self.warnings} calls ended with a warning ({last})" if self.warnings else last
-
-    @property
-    def inputs(self) -> list[str]:
-        """Names of the inputs."""
-        return [v.name for v in self.description.modelVariables if v.causality == "input"]
-
-    @property
-    def outputs(self) -> list[str]:
-        """Names of the outputs."""
-        return [v.name for v in self.description.modelVariables if v.causality == "output"]
-
-    def __enter__(self) -> Fmu:
-        try:
-            self._folder = self._shared or unpack(self.path)
-            self._instantiate()
-        except BaseException as error:
-            self.close()
-            if isinstance(error, UserError) or not isinstance(error, Exception):
-                raise
-            reason = self._log.last(otherwise=first_line(error))
-            raise UserError(f"{self.path}: cannot be loaded ({reason})") from error
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _instantiate(self) -> None:
-        here = Path.cwd()
-        try:
-            self._slave = fmi2.FMU2Slave(
-                guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.name,
-                modelIdentifier=self.description.coSimulation.modelIdentifier,
-            )  # fmt: skip
-        finally:
-            os.chdir(here)  # where loading fails, fmpy leaves the process in the unzipped folder
-        self._slave.instantiate(callbacks=self._log.callbacks)
-        self._setters: dict[str, Callable[[Array], None]] = {}  # to make one costs ten times what setting a value does
-        self._do_step = bind(self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int)
 
     def start(self, time: float = 0.0, stop: float | None = None) -> None:
         """Set the parameters and initialize.
@@ -151,49 +83,6 @@ class Fmu:
     def exit_initialization(self) -> None:
         """Do the second part of `start`."""
         self._checked("initialization", self._slave.exitInitializationMode)
-
-    def bound(self, function: str, *arguments: Any) -> partial[int]:
-        """Return a call of an FMI function of this instance that costs as little as Python can make it.
-
-        Parameters
-        ----------
-        function : str
-            Name in the FMI standard.
-        *arguments
-            All arguments but the component: ctypes objects of exactly the right types, whose values are read anew at
-            each call. Nothing is converted or checked.
-
-        Returns
-        -------
-        functools.partial
-            Returns the FMI status, which `failed` puts into words.
-
-        Raises
-        ------
-        UserError
-            If the FMU lacks the function.
-        """
-        try:
-            bound = self._slave.dll[function]  # a new object each time, without types to convert to
-        except AttributeError as error:
-            raise UserError(f"{self.path.name}: its library lacks the function {function}") from error
-        return partial(bound, ctypes.c_void_p(self._slave.component), *arguments)
-
-    def variable(self, name: str) -> Any:
-        """Scalar variable of a name; UserError if there is none."""
-        if name not in self.variables:
-            raise UserError(f"{self.path.name}: no variable named {name!r}{suggestion(name, self.variables)}")
-        return self.variables[name]
-
-    def _checked(self, doing: str, call: Callable[..., Any], *arguments: Any) -> Any:
-        try:
-            result = call(*arguments)
-            self.warnings += result == fmi2.fmi2Warning
-            return result
-        except Exception as error:
-            self.corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
-            reason = self._log.last(otherwise=first_line(error))
-            raise UserError(f"{self.path.name}: {doing} failed: {reason}") from error
 
     def step(self, time: float, size: float) -> None:
         """Make a communication step.
@@ -302,7 +191,7 @@ class Fmu:
         references = (ctypes.c_uint * count)(*(self.variable(name).valueReference for name in names))
         orders, slopes = (ctypes.c_int * count)(*[1] * count), (ctypes.c_double * count)()
         types = ctypes.c_uint * count, ctypes.c_size_t, ctypes.c_int * count, ctypes.c_double * count
-        call = bind(self._slave.dll, "fmi2SetRealInputDerivatives", *types)
+        call = noted(bind(self._slave.dll, "fmi2SetRealInputDerivatives", *types), self.label, "setting slopes")
 
         def write(row: Array) -> None:
             slopes[:] = row.tolist()
@@ -314,37 +203,6 @@ class Fmu:
         return write
 
     def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
-        return transfers(self._slave.dll, verb, names, {name: self.variable(name) for name in names})
-
-    def failed(self, doing: str, status: int, remark: str = "") -> UserError:
-        """Say what a status worse than a warning means; after `fatal` the instance is never called again.
-
-        Parameters
-        ----------
-        doing : str
-            What it was asked to do.
-        status : int
-            What it returned.
-        remark : str
-            More about it.
-
-        Returns
-        -------
-        UserError
-        """
-        self.corrupted |= status == fmi2.fmi2Fatal
-        returned = dict(enumerate(_STATUS)).get(status, f"status {status}")
-        return UserError(f"{self.path.name}: {doing} failed ({returned}{remark}): {self._log.last('no message')}")
-
-    def close(self) -> None:
-        """Free the instance, unless it is corrupted, and remove the unzipped folder."""
-        if self.corrupted:
-            self._slave = None  # freeing it, or unloading its library, may crash the process
-        if self._slave is not None:
-            if getattr(self._slave, "component", None) is not None:
-                self._slave.fmi2FreeInstance(self._slave.component)
-            self._slave.freeLibrary()
-            self._slave = None
-        if self._folder is not None and self._folder != self._shared:
-            shutil.rmtree(self._folder, ignore_errors=True)
-        self._folder = self._shared
+        moves = transfers(self._slave.dll, verb, names, {name: self.variable(name) for name in names})
+        what = f"{'setting' if verb == 'Set' else 'reading'} {', '.join(names)}"
+        return [move._replace(call=noted(move.call, self.label, what)) for move in moves]

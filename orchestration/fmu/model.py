@@ -53,6 +53,11 @@ class Model:
         """Its name, with the effects that were laid over it."""
         return self.name + (f" with {', '.join(self.effects)}" if self.effects else "")
 
+    @property
+    def foreign(self) -> bool:
+        """Whether it is a file that somebody gave, and not one that was built here for this run."""
+        return self.name == self.path.name
+
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, after those of a preset.
 

@@ -10,6 +10,7 @@ import numpy as np
 from fmpy.fmi2 import fmi2Warning
 from numpy.typing import NDArray
 
+from fmus.kit.errors import UserError
 from orchestration.fmu.course import course
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import library
@@ -17,6 +18,7 @@ from orchestration.fmu.kernel.one_fmu import Prepared
 from orchestration.fmu.kernel.pulse import Pulse
 from orchestration.fmu.signal import Value
 from orchestration.fmu.simulate import check_inputs, simulate_instance
+from orchestration.fmu.stepping import Failed
 
 Array = NDArray[np.float64]
 
@@ -63,8 +65,9 @@ class RepeatedFmu:
         return self._fmu.inputs
 
     def run(
-        self, time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], outputs: Sequence[str]
-    ) -> Array:
+        self, time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], outputs: Sequence[str],
+        longest: float = np.inf,
+    ) -> Array:  # fmt: skip
         """Run once from the start.
 
         Parameters
@@ -77,6 +80,8 @@ class RepeatedFmu:
             Start values, in the FMU's units.
         outputs : sequence of str
             Of which the course is wanted, m of them.
+        longest : float
+            Seconds that it may take; not heeded without a compiler.
 
         Returns
         -------
@@ -85,14 +90,19 @@ class RepeatedFmu:
         Raises
         ------
         UserError
-            If the FMU refuses or fails; the next run has a new instance if this one must not be called again.
+            If the FMU refuses, fails or takes too long; the next run has a new instance if this one must not be called
+            again.
         """
         self._begin_again()
         self._fresh = False
         self._fmu.parameters = dict(settings)
         self._fmu.start(float(time[0]))
         if self._pulse is not None:
-            return self._steps(time, inputs, outputs).run().copy()
+            try:
+                self._steps(time, inputs, outputs).run(longest=longest)
+            except Failed as failure:
+                raise UserError(str(failure)) from failure
+            return self._result.copy()
         found = simulate_instance(self._fmu, time, inputs, outputs)
         return np.column_stack([found[name] for name in outputs])
 
@@ -109,7 +119,8 @@ class RepeatedFmu:
         ):
             check_inputs(self._fmu, inputs)
             way = course(self._fmu, time, inputs, (), 1)
-            self._prepared, self._of = Prepared(self._fmu, way, outputs, self._pulse), of
+            self._result = np.empty((len(time), len(outputs)))
+            self._prepared, self._of = Prepared(self._fmu, way, outputs, self._result, self._pulse), of
         return self._prepared
 
     def _begin_again(self) -> None:

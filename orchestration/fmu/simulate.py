@@ -13,6 +13,9 @@ from fmus.kit.errors import UserError
 from orchestration.fmu import stepping
 from orchestration.fmu.course import course
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.isolation.box import rows
+from orchestration.fmu.isolation.limits import Limits
+from orchestration.fmu.isolation.process import Ended, Process
 from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value
@@ -74,6 +77,7 @@ def simulate(
     parameters: Mapping[str, Value],
     progress: Callable[[int], None] = lambda done: None,
     note: Callable[[str], None] = lambda line: None,
+    isolation: Limits | None = None,
 ) -> dict[str, Array]:
     """Run the model's FMU.
 
@@ -90,6 +94,8 @@ def simulate(
         Called with the number of points done.
     note : callable
         Called with what the FMU had to say although it did not fail.
+    isolation : Limits, optional
+        Of a process beside this one in which it is run; default in this one.
 
     Returns
     -------
@@ -100,13 +106,61 @@ def simulate(
     ------
     UserError
         If the FMU refuses or fails; see :class:`orchestration.fmu.instance.Fmu`.
+    Unfinished
+        If it does so on its way.
     """
-    with Fmu(model.path, parameters) as fmu:
+    asked = model.path.resolve(), list(model.outputs), time, dict(inputs), dict(parameters)
+    if isolation is None:
+        return _simulate(*asked, progress, note)
+    with Process(isolation) as process:
+        try:
+            done: dict[str, Array] = process.call(_simulate, *asked, told={"progress": progress, "note": note})
+        except Ended as end:
+            if end.interrupted:
+                raise KeyboardInterrupt from end
+            found, reached, names = process.box.filled(), end.state.point, process.box.about()
+            message = f"{end.state.words(time, model.path.name)}: {end.reason}"
+            there = found[:reached] if found is not None else None
+            raise unfinished(message, time, names or asked[1], there) from end
+        return done
+
+
+def _simulate(
+    path: Path, outputs: Sequence[str], time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, Value],
+    progress: Callable[[int], None], note: Callable[[str], None],
+) -> dict[str, Array]:  # fmt: skip
+    with Fmu(path, parameters) as fmu:
         fmu.start(float(time[0]))
-        outputs = simulate_instance(fmu, time, inputs, list(model.outputs), progress)
+        found = simulate_instance(fmu, time, inputs, outputs, progress)
         if fmu.complaints:
             note(fmu.complaints)
-        return outputs
+        return found
+
+
+class Unfinished(UserError):
+    """A simulation that its FMU has stopped.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Points that were reached, in s.
+    outputs : dict of str to ndarray, shape (n,)
+        At them.
+    """
+
+    def __init__(self, message: str, time: Array, outputs: dict[str, Array]):
+        super().__init__(message, time, outputs)  # as it is made again where it was sent to
+        self.time, self.outputs = time, outputs
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+def unfinished(message: str, time: Array, names: Sequence[str], rows: Array | None) -> UserError:
+    """An error with what there is, if there is something."""
+    if rows is None or not len(rows):
+        return UserError(message)
+    return Unfinished(message, time[: len(rows)], {name: rows[:, k].copy() for k, name in enumerate(names)})
 
 
 def simulate_instance(
@@ -153,7 +207,11 @@ def simulate_instance(
     check_inputs(fmu, inputs)
     way = course(fmu, time, inputs, linear, parts)
     step = stepping.stepped if library.stepper() is None else one_fmu.stepped
-    result = step(fmu, way, names, progress, max(1, len(time) // 200))
+    result = rows((len(time), len(names)))
+    try:
+        step(fmu, way, names, result, progress, max(1, len(time) // 200))
+    except stepping.Failed as failure:
+        raise unfinished(str(failure), time, names, result[: failure.point]) from failure
     progress(len(time))
     return {name: result[:, i] for i, name in enumerate(names)}
 

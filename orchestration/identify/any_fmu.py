@@ -13,6 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
+from time import monotonic
 from types import SimpleNamespace, TracebackType
 from typing import Any
 
@@ -30,6 +31,7 @@ from orchestration.fmu.workers import workers
 
 Array = NDArray[np.float64]
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
+_PATIENCE, _STIFFER = 2.0, 30.0  # s that a run may take in any case, and how many times the first one's time
 _MOVED = 2.0  # times as large or small: where a step is chosen anew
 _repeated: RepeatedFmu | None = None  # of a worker
 
@@ -77,6 +79,7 @@ class FmuWithDifferences:
         self._settings, self._workers = dict(settings or {}), workers
         self._steps: dict[str, tuple[float, float]] = {}
         self._open, self._is_open = ExitStack(), False
+        self._longest = np.inf  # s that a run may take
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -124,8 +127,12 @@ class FmuWithDifferences:
             If the FMU fails there, or on both sides.
         """
         at = {name: float(parameters[name]) for name in self._names}
-        stimulus = (time, dict(inputs))
+        stimulus, begin = (time, dict(inputs)), monotonic()
         here = self._all(stimulus, [at])[0]
+        if (
+            self._longest == np.inf
+        ):  # where a fit begins its model is not stiff, and elsewhere it shall not be much more
+            self._longest = max(_PATIENCE, _STIFFER * (monotonic() - begin))
         if isinstance(here, UserError):
             raise here
         for name in self._names:
@@ -181,7 +188,7 @@ class FmuWithDifferences:
     def _all(self, stimulus: Any, wanted: Sequence[Mapping[str, float]]) -> list[Array | UserError]:
         """Run the FMU with several values; what it refuses is in its place."""
         self.runs += len(wanted)
-        jobs = [(*stimulus, self._settings | dict(values), self._outputs) for values in wanted]
+        jobs = [(*stimulus, self._settings | dict(values), self._outputs, self._longest) for values in wanted]
         if self._workers == 1 or len(jobs) == 1:
             return [_one(self._fmu, *job) for job in jobs]
         try:

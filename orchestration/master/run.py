@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from fractions import Fraction
-from io import BytesIO
 from numbers import Real
 from time import perf_counter
 
@@ -13,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.fmu.isolation.box import keep
+from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.kernel.library import stepper
 from orchestration.fmu.signal import read_signal
+from orchestration.master.beside import Recorded, run_beside
 from orchestration.master.dependency_graph import describe
 from orchestration.master.executor import Executor
 from orchestration.master.initialization import enter, initialize
@@ -23,6 +25,7 @@ from orchestration.master.interrupt import Interrupt, deferred
 from orchestration.master.kernel.run import KernelRun
 from orchestration.master.pacing import Pacer, RealTime
 from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
+from orchestration.master.rows import Rows
 from orchestration.master.schedule import Settings
 from orchestration.master.setup import check_abilities, disturbance_values, external_values, open_members, structure
 from orchestration.master.step_control import StepDoubling
@@ -48,6 +51,7 @@ def run(
     rates: Mapping[str, float] | None = None,
     real_time: RealTime | None = None,
     progress: Callable[[int], None] = lambda done: None,
+    isolation: Limits | None = None,
 ) -> Run:
     """Run a system over given communication points.
 
@@ -83,6 +87,8 @@ def run(
         Reach no point before its time, and tell how late each one was; default as fast as possible.
     progress : callable
         Called with the number of points done, now and then.
+    isolation : Limits, optional
+        Of a process beside this one, in which it is run; default in this one. Not in real time.
 
     Returns
     -------
@@ -107,6 +113,14 @@ def run(
         raise UserError(f"tolerance {tolerance!r}: must be a number between 0 and 1")
     if disturbances and extrapolation:
         raise UserError("disturbances are held from point to point, and do not go with extrapolation 1")
+    if isolation is not None:
+        if real_time is not None:
+            raise UserError("a run in real time is made in this process: it cannot be isolated")
+        options = {
+            "method": method, "record": record, "extrapolation": extrapolation, "feedthrough": feedthrough,
+            "tolerance": tolerance, "rates": rates,
+        }  # fmt: skip
+        return run_beside(isolation, run, system, time, inputs, disturbances, progress=progress, options=options)
     fractions = {name: _rate(system.member(name).name, value) for name, value in (rates or {}).items()}
     settings = Settings(method == "gauss-seidel", extrapolation, feedthrough, tolerance is not None, fractions)
     external = external_values(system, inputs or {}, len(points))
@@ -142,7 +156,16 @@ class _Runner:
         self._real_time = real_time
         self._pacer: Pacer | None = None
         self._doubling = None if tolerance is None else StepDoubling(executor, tolerance)
-        self._rows = BytesIO()
+        self._rows = Rows()
+        variables = {member.name: member.fmu.variables for member in executor.members}
+        self._about = Recorded(
+            list(points),
+            len(executor.outputs.at),
+            {str(port): executor.outputs.at[port] for port in recorded},
+            {str(port): read_signal(variables[port.member][port.variable]).unit for port in recorded},
+            {member.name: member.fmu.description.guid for member in executor.members},
+        )
+        keep(self._about)
         self._done = 0
         self._wall = 0.0
 
@@ -259,17 +282,16 @@ class _Runner:
         self._progress(len(self._points))
 
     def _result(self, message: str) -> Run:
-        executor, done, places = self._executor, self._done, self._executor.outputs.at
-        table = np.frombuffer(self._rows.getbuffer(), count=done * len(places)).reshape(done, len(places))
-        variables = {m.name: m.fmu.variables for m in executor.members}
+        about = self._about
+        table = self._rows.array(self._done, about.width)
         return Run(
-            np.array(self._points[:done]),
-            {str(port): table[:, places[port]] for port in self._recorded},
-            {str(port): read_signal(variables[port.member][port.variable]).unit for port in self._recorded},
+            np.array(self._points[: self._done]),
+            {name: table[:, place] for name, place in about.places.items()},
+            about.units,
             not message,
             message,
             self._statistics(),
-            {m.name: m.fmu.description.guid for m in executor.members},
+            about.guids,
             tuple(self._notes()),
         )
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +15,10 @@ from fmus.kit.build.toolchain import available_platforms
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 
-__all__ = ["RUNTIMES", "Plan", "available_platforms", "build", "build_cached", "plan", "version"]
+__all__ = ["RUNTIMES", "STOCK", "Plan", "available_platforms", "build", "build_cached", "plan", "version"]
 
-RUNTIMES = ("python", "native")
-_NO_GUID = "{00000000-0000-0000-0000-000000000000}"
+RUNTIMES = ("python", "native")  # behind our front-end
+STOCK = "pythonfmu"  # for users of that; it holds less of the contract, see ``stock.LIMITS``
 
 
 def version() -> str:
@@ -75,8 +73,7 @@ def plan(cls: type[Component], runtime: str) -> Plan:
     from fmus.kit.build.sources import UNIT, c_sources, engine_sources
     from fmus.kit.symbolic.trace import trace
 
-    if runtime not in RUNTIMES:
-        raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(RUNTIMES)}")
+    _check(runtime, RUNTIMES)
     graph = trace(cls)
     native, engine = runtime == "native", engine_sources(cls, runtime)
     contents = documents(cls) | ({} if native else python_package(cls))
@@ -90,7 +87,7 @@ def plan(cls: type[Component], runtime: str) -> Plan:
     def described(guid: str) -> dict[str, bytes]:
         return {"modelDescription.xml": describe(cls, graph, can, version(), guid)}
 
-    guid = _guid(contents | c_sources(graph, engine, _NO_GUID) | described(_NO_GUID))
+    guid = archive.identity(contents | c_sources(graph, engine, archive.NO_GUID) | described(archive.NO_GUID))
     sources = c_sources(graph, engine, guid)
     contents |= described(guid)
     if native:
@@ -108,10 +105,12 @@ def build(
 
     Parameters
     ----------
-    cls, runtime
-        See :func:`plan`.
+    cls : type[Component]
+        A component, possibly with effects stacked on it.
+    runtime : {"python", "native", "pythonfmu"}
+        The first two as :func:`plan` has them; the last is a stock archive of pythonfmu (:mod:`.stock`).
     platforms : sequence of str, optional
-        FMI platforms to compile for; default is every platform that a compiler here can serve.
+        FMI platforms; default is every one that a compiler here, or pythonfmu, can serve.
     progress : callable
         Gets a few words on what is being done.
 
@@ -123,8 +122,13 @@ def build(
     Raises
     ------
     UserError
-        If no compiler is there, or a platform cannot be served.
+        If no compiler is there, or pythonfmu is not, or a platform cannot be served.
     """
+    _check(runtime, (*RUNTIMES, STOCK))
+    if runtime == STOCK:
+        from fmus.kit.build.stock import stock_archive
+
+        return stock_archive(cls, version(), platforms, progress)
     return _packed(plan(cls, runtime), platforms or available_platforms(), progress)
 
 
@@ -154,6 +158,11 @@ def build_cached(cls: type[Component], runtime: str) -> Path:
     return path
 
 
+def _check(runtime: str, known: Sequence[str]) -> None:
+    if runtime not in known:
+        raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(known)}")
+
+
 def _packed(planned: Plan, platforms: Sequence[str], progress: Callable[[str], None]) -> bytes:
     """Compile what is planned, and zip it."""
     from fmus.kit.build.sources import compiled
@@ -164,11 +173,3 @@ def _packed(planned: Plan, platforms: Sequence[str], progress: Callable[[str], N
         path = f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"
         binaries[path] = compiled(planned.sources, planned.libraries.get(target, ()), target)
     return archive.pack(planned.files | binaries)
-
-
-def _guid(contents: Mapping[str, bytes]) -> str:
-    """Identify the contents: the same files give the same GUID."""
-    digest = hashlib.sha256()
-    for name in sorted(contents):
-        digest.update(name.encode() + b"\0" + hashlib.sha256(contents[name]).digest())
-    return f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
+import uuid
 import zipfile
 from collections.abc import Mapping
 
+NO_GUID = "{00000000-0000-0000-0000-000000000000}"  # of a description whose GUID is still to be found
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 
 
@@ -31,3 +34,22 @@ def pack(files: Mapping[str, bytes]) -> bytes:
             entry.create_system = 3
             archive.writestr(entry, files[name])
     return buffer.getvalue()
+
+
+def identity(files: Mapping[str, bytes]) -> str:
+    """Identify files: the same give the same GUID.
+
+    Parameters
+    ----------
+    files : Mapping[str, bytes]
+        Path to contents.
+
+    Returns
+    -------
+    str
+        In braces.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(name.encode() + b"\0" + hashlib.sha256(files[name]).digest())
+    return f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fmus.kit.errors import UserError
+from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, limits
 from orchestration.cli.options import Json, complete_experiments, option, seconds
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
 from orchestration.cli.real_time import Options, keep, status_line
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from orchestration.experiment.live import Live
     from orchestration.experiment.model import Experiment
+    from orchestration.fmu.isolation.limits import Limits
 
 
 def run(
@@ -57,6 +59,9 @@ def run(
     ] = None,
     processor: Annotated[int | None, option("--cpu", metavar="N", help="The only processor to run on.")] = None,
     priority: Annotated[bool, typer.Option("--priority", help="Ask for a higher priority.")] = False,
+    isolate: Isolate = None,
+    step_timeout: StepTimeout = None,
+    memory_limit: MemoryLimit = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments that ship.")] = False,
 ) -> None:
     """Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit."""
@@ -66,8 +71,12 @@ def run(
     if experiment is None:
         raise UserError("ppy run needs the name or the file of an experiment (ppy run --list shows what there is)")
     live = Options(real_time, missed, lag, processor, priority).live(out)
+
+    def isolation(foreign: bool) -> Limits | None:
+        return limits(foreign and live is None, isolate, step_timeout, memory_limit)
+
     with standard_output_for(result):
-        data, reproduced = _run(experiment, settings or [], runtime, out, plot, result, live)
+        data, reproduced = _run(experiment, settings or [], runtime, out, plot, result, live, isolation)
     if "failure" in data.attrs:
         raise UserError(data.attrs["failure"])
     if not data.attrs["complete"]:
@@ -94,6 +103,7 @@ def _run(
     plot: Path | None,
     result: Path | None,
     live: Live | None,
+    isolation: Callable[[bool], Limits | None],
 ) -> tuple[xarray.Dataset, bool]:
     """Run an experiment; return what it delivered, and whether every bit is that of the result it was."""
     from orchestration.experiment import result_page, results
@@ -114,7 +124,7 @@ def _run(
     earlier = results.read(source) if is_result and not chosen else None
     if earlier is not None and not earlier.attrs["complete"]:
         note(f"{name} is incomplete; it is repeated as far as it goes, {wanted.duration:g} s")
-    data = _make(wanted, name, out, live)
+    data = _make(wanted, name, out, live, isolation)
     _show(data)
     if out is not None:
         if live is None:
@@ -130,7 +140,9 @@ def _run(
     return data, not differences
 
 
-def _make(wanted: Experiment, name: str, out: Path | None, live: Live | None) -> xarray.Dataset:
+def _make(
+    wanted: Experiment, name: str, out: Path | None, live: Live | None, isolation: Callable[[bool], Limits | None]
+) -> xarray.Dataset:
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results
     from orchestration.experiment.run import run as make
@@ -145,10 +157,10 @@ def _make(wanted: Experiment, name: str, out: Path | None, live: Live | None) ->
         until = f"until {out} is written, what is recorded goes to {live.journal}"
         note("without --out nothing is kept" if out is None else until)
         with status_line(live) as telling:
-            return make(wanted, name, note=note, fits=fits, live=telling)
+            return make(wanted, name, note=note, fits=fits, live=telling, isolation=isolation)
     with progress() as tell:
         tell(f"running {name} (FMUs that are not in the cache are built first)")
-        return make(wanted, name, tell.done, note, fits)
+        return make(wanted, name, tell.done, note, fits, isolation=isolation)
 
 
 def _show(data: xarray.Dataset) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fmus.kit.errors import UserError
+from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, limits
 from orchestration.cli.options import (
     Map,
     Model,
@@ -42,6 +43,9 @@ def simulate(
     ] = None,
     plot: Picture = None,
     runtime: Runtime = "native",
+    isolate: Isolate = None,
+    step_timeout: StepTimeout = None,
+    memory_limit: MemoryLimit = None,
 ) -> None:
     """Simulate a component or any FMU."""
     from orchestration.cli.models import model_file, open_model
@@ -58,10 +62,20 @@ def simulate(
     ).check()
     opened = open_model(model, runtime, comma_list(effects, "--with"))
     parameters = opened.settings(settings or [], preset)
+    isolation = limits(opened.foreign, isolate, step_timeout, memory_limit)
     time, inputs = _stimulus(opened, input_file, mapping or [], parameters, stop, step)
-    with progress() as tell:
-        tell(f"simulating {opened.title}")
-        outputs = work.simulate(opened, time, inputs, parameters, lambda done: tell.done(done, time.size), note)
+    try:
+        with progress() as tell:
+            tell(f"simulating {opened.title}")
+            outputs = work.simulate(
+                opened, time, inputs, parameters, lambda done: tell.done(done, time.size), note, isolation
+            )
+    except work.Unfinished as stopped:
+        if out is None:
+            raise
+        part, there = out.with_name(f"{out.stem}.part{out.suffix}"), len(stopped.time)
+        _write(part, opened, stopped.time, {name: values[:there] for name, values in inputs.items()}, stopped.outputs)
+        raise UserError(f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}") from stopped
     _show(opened, time, outputs)
     if out is not None:
         _write(out, opened, time, inputs, outputs)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from time import monotonic
 from typing import NoReturn
 
 import numpy as np
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration.fmu.course import Course, Part
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.isolation.box import keep
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.program import WHOLE_NUMBERS, Execution, Handler, Program, Return, in_array
 from orchestration.fmu.kernel.pulse import Pulse
 from orchestration.fmu.signal import type_of
+from orchestration.fmu.stepping import Failed
 
 Array = NDArray[np.float64]
 
@@ -28,14 +31,17 @@ class Prepared:
         Its instance must stay the same.
     course : Course
     outputs : sequence of str
+    result : ndarray, shape (n, outputs)
+        Where they go, the reals first until a run is over.
     pulse : Pulse, optional
         That several runs share.
     """
 
-    def __init__(self, fmu: Fmu, course: Course, outputs: Sequence[str], pulse: Pulse | None = None):
-        self._fmu = fmu
-        self._result = np.empty((len(course.time), len(outputs)))
-        self._program = Program()
+    def __init__(
+        self, fmu: Fmu, course: Course, outputs: Sequence[str], result: Array, pulse: Pulse | None = None
+    ):  # fmt: skip
+        self._fmu, self._time, self._result = fmu, course.time, result
+        self._program = Program(owners=[fmu.label])
         for part in course.parts:
             _add_part(self._program, fmu, course, part)
         before_first = len(self._program.operations)  # nothing leads to the first point
@@ -47,7 +53,7 @@ class Prepared:
         self._program.hold(course)  # whose times it points to
         self._execution = Execution(self._program, skipped=before_first, pulse=pulse)
 
-    def run(self, progress: Callable[[int], None] = lambda done: None, every: int = 0) -> Array:
+    def run(self, progress: Callable[[int], None] = lambda done: None, every: int = 0, longest: float = np.inf) -> None:
         """Carry it out with the instance as it was started.
 
         Parameters
@@ -56,33 +62,44 @@ class Prepared:
             Called with the number of a point that was reached, ...
         every : int
             ... at every so many of them; 0 for never.
+        longest : float
+            Seconds that it may take.
 
-        Returns
-        -------
-        ndarray, shape (n, outputs)
-            Overwritten by the next run where the outputs are all real.
+        Raises
+        ------
+        Failed
+            If a call fails, or it takes longer.
         """
-        points, execution = len(self._result), self._execution
+        points, execution, end = len(self._result), self._execution, monotonic() + longest
         execution.again()
         with execution:
             try:
                 for k in range(0, points if every else 0, max(1, every)):
-                    _carry_on(execution, k + 1)
+                    self._carry_on(k + 1, end)
                     progress(k)
-                _carry_on(execution, points)
+                self._carry_on(points, end)
+            except UserError as error:
+                raise Failed(str(error), execution.point) from error
             finally:
                 self._fmu.warnings += int(execution.warnings[0])
-        return self._result if self._order is None else self._result[:, self._order]
+                if self._order is not None:
+                    self._result[:] = self._result[:, self._order]
+
+    def _carry_on(self, until: int, end: float) -> None:
+        while not self._execution.carry_on(until):  # an interrupt is heard here, in Python
+            if monotonic() > end:
+                raise UserError(
+                    f"{self._fmu.path.name}: takes too long from {self._time[self._execution.point - 1]:g} s on: with "
+                    "these parameters a time constant is far too short for the steps"
+                )
 
 
-def stepped(fmu: Fmu, course: Course, outputs: Sequence[str], progress: Callable[[int], None], every: int) -> Array:
+def stepped(
+    fmu: Fmu, course: Course, outputs: Sequence[str], result: Array, progress: Callable[[int], None], every: int
+) -> None:
     """Step a started instance along its course; as :func:`orchestration.fmu.stepping.stepped`, with the same bits."""
-    return Prepared(fmu, course, outputs).run(progress, every)
-
-
-def _carry_on(execution: Execution, until: int) -> None:
-    while not execution.carry_on(until):
-        pass  # an interrupt is heard here, in Python
+    keep([outputs[k] for k in _reals_first(fmu, outputs)])
+    Prepared(fmu, course, outputs, result).run(progress, every)
 
 
 def _reals_first(fmu: Fmu, names: Sequence[str]) -> list[int]:

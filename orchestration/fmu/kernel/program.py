@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.fmu.isolation import box
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.library import Link, Operation
 from orchestration.fmu.kernel.pulse import Pulse
@@ -19,6 +20,10 @@ from orchestration.fmu.kernel.pulse import Pulse
 Array = NDArray[np.float64]
 DOUBLE = ctypes.sizeof(ctypes.c_double)
 WHOLE_NUMBERS = {"integer": library.SET_INTEGER, "boolean": library.SET_BOOLEAN}
+_SETTING = (library.SET_REAL, library.SET_INTEGER, library.SET_BOOLEAN, library.SET_SLOPES)
+_ASKED = {library.STEP: "step", library.GET_REAL: "reading", library.GET_WHOLE: "reading"} | dict.fromkeys(
+    _SETTING, "setting"
+)
 
 
 class Return(NamedTuple):
@@ -70,10 +75,13 @@ class Program:
     operations : list of Operation
     handlers : list of callable
         One for each operation.
+    owners : sequence of str
+        What they are called.
     """
 
     operations: list[Operation] = field(default_factory=list)
     handlers: list[Handler] = field(default_factory=list)
+    owners: Sequence[str] = ()
     _kept: list[object] = field(default_factory=list, init=False)  # memory that operations point to
 
     def step(
@@ -146,6 +154,13 @@ class Program:
         self._kept.append(memory)
         return ctypes.addressof(memory)
 
+    def legend(self) -> list[str]:
+        """What is asked of whom in each operation; empty where no FMU is asked anything."""
+        return [
+            f"{self.owners[o.owner]}: {_ASKED[o.kind]}" if o.kind in _ASKED and self.owners else ""
+            for o in self.operations
+        ]
+
 
 def _goes_on(why: Return) -> None:
     raise RuntimeError(f"the stepping kernel came back for nothing: {why}")  # such an operation cannot fail
@@ -176,10 +191,14 @@ class Execution:
         self._program = program
         self._operations = (Operation * len(program.operations))(*program.operations)
         self.seconds, self.warnings = np.zeros(owners), np.zeros(owners, dtype=np.int64)
-        self._progress = library.Progress(
-            program=ctypes.addressof(self._operations), length=len(program.operations), point=first, position=skipped,
-            seconds=self.seconds.ctypes.data, warnings=self.warnings.ctypes.data,
-        )  # fmt: skip
+        self._box = box.current
+        self._progress = self._box.run() if self._box else library.Progress()
+        for name, value in {
+            "program": ctypes.addressof(self._operations), "length": len(program.operations), "point": first,
+            "position": skipped, "row": 0, "interrupted": 0, "seconds": self.seconds.ctypes.data,
+            "warnings": self.warnings.ctypes.data,
+        }.items():  # fmt: skip
+            setattr(self._progress, name, value)
         run = library.stepper()
         if run is None:
             raise RuntimeError("there is no stepping kernel")
@@ -190,10 +209,19 @@ class Execution:
     def __enter__(self) -> Execution:
         pulse = self._pulse or self._felt.enter_context(Pulse())
         self._felt.enter_context(pulse.of(self._progress))
+        if self._box:
+            self._box.begin(self._progress, self._program.legend())
         return self
 
     def __exit__(self, *error: Any) -> None:
         self._felt.close()
+        if self._box:
+            self._box.end()
+
+    def __del__(self) -> None:
+        there = getattr(self, "_box", None)
+        if there is not None:
+            there.give_back(self._progress)
 
     @property
     def point(self) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestration.fmu.isolation.box import rows
 from orchestration.fmu.kernel.program import Execution
 from orchestration.master.executor import Executor
 from orchestration.master.kernel.schedule import translated
@@ -30,7 +31,7 @@ class KernelRun:
 
     def __init__(self, executor: Executor, points: Sequence[float], most: int):
         self._executor = executor
-        self._rows = np.empty((most, len(executor.outputs.at)))
+        self._rows = rows((most, len(executor.outputs.at)))
         self._execution = Execution(translated(executor, points, self._rows), len(executor.members), first=1)
 
     def __enter__(self) -> KernelRun:

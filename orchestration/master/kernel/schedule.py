@@ -61,7 +61,7 @@ class _Translation:
     def __init__(self, executor: Executor, points: Sequence[float]):
         self._executor, self._points, self._times = executor, points, np.array(points)
         self._owners = {member.name: k for k, member in enumerate(executor.members)}
-        self.program = Program()
+        self.program = Program(owners=[member.fmu.label for member in executor.members])
 
     def add_stage(self, stage: ExchangeStage, lag: int) -> None:
         """Add an exchange of values; before the step (`lag` 1) those from outside are of the point before."""

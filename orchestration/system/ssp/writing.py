@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
+import numpy as np
+
 from fmus.kit import files, units
 from fmus.kit.build import archive
 from fmus.kit.build.parameters import define_units, to_ssv
@@ -21,6 +23,7 @@ from orchestration.system.ssp.vocabulary import (
     DESCRIPTION,
     ENDINGS,
     FMU,
+    MASTER,
     NAMESPACES,
     OUTSIDE,
     PARAMETER_SET,
@@ -137,8 +140,10 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
     if connectors:
         wires.extend(outer_wires)
     top.extend([wires] if len(wires) else [])
+    annotations = SubElement(top, tag("ssd:Annotations"))
+    annotations.append(_master(system.step))  # OMSimulator looks at the first one only
     if len(outer) and not connectors:
-        annotation = SubElement(SubElement(top, tag("ssd:Annotations")), tag("ssc:Annotation"), type=CONNECTORS)
+        annotation = SubElement(annotations, tag("ssc:Annotation"), type=CONNECTORS)
         SubElement(annotation, OUTSIDE).extend([outer, outer_wires])  # an annotation has one element
     define_units(root, SSD, used)
     experiment = SubElement(root, tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop)))
@@ -147,6 +152,19 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
     SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(float(system.step)))
     indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+
+
+def _master(step: float) -> Element:
+    """Annotation that makes OMSimulator a Jacobi master with a communication step in s.
+
+    The tolerances are its own defaults; FMUs are handed one, and ours are never less exact than they are without.
+    """
+    annotation = Element(tag("ssc:Annotation"), type=MASTER)
+    simulation = SubElement(SubElement(annotation, tag("oms:Annotations")), tag("oms:SimulationInformation"))
+    values = {"stepSize": step, "absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
+    written = {name: np.format_float_positional(value, trim="0") for name, value in values.items()}  # xs:decimal
+    SubElement(simulation, tag("oms:FixedStepMaster"), {"description": "oms-ma"} | written)
+    return annotation
 
 
 def _outside(system: System, models: Mapping[str, Model], used: set[str]) -> tuple[Element, Element]:

@@ -97,6 +97,14 @@ def test_build_runtime_builds_only_that(tmp_path):
     assert Path(printed.strip()) == Path("fmu/native/ppy_actuator_length_driven.fmu")
 
 
+def test_build_runtime_pythonfmu_says_what_it_cannot_promise(tmp_path):
+    pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
+    done = ppy("build", "galvanostat", "--runtime", "pythonfmu", "--platforms", "linux64", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [Path(line) for line in done.stdout.split()] == [Path("fmu/pythonfmu/galvanostat.fmu")]
+    assert "noted: pythonfmu promises less: errors: whatever fails is Fatal, not Error" in done.stderr
+
+
 def test_check_tells_errors_by_its_exit_code(fmu, tmp_path):
     spoilt = edited(
         fmu("ppy_actuator", "native"), tmp_path / "spoilt.fmu",

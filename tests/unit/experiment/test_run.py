@@ -313,7 +313,7 @@ def test_a_component_alone_is_what_ppy_simulate_makes_of_it():
 
 def test_the_master_has_no_option_that_an_experiment_has_not():
     options = {name for name, p in inspect.signature(master.run).parameters.items() if p.kind is p.KEYWORD_ONLY}
-    assert set(Master.model_fields) == options - {"record", "progress", "real_time"}
+    assert set(Master.model_fields) == options - {"record", "progress", "real_time", "isolation"}
 
 
 def test_an_adaptive_master_comes_closer():

@@ -75,3 +75,15 @@ def test_an_interrupt_is_heard_in_any_run_and_no_thread_is_left_behind(tmp_path)
             fmu.run(0.01 * np.arange(40_000.0), {}, {"delay": 0.01, "until": 1e9}, ["voltage_age"])
         assert clock.perf_counter() - begun < 30.0, "of 400 s"
     assert not pulses()
+
+
+def test_a_run_that_takes_too_long_is_given_up(tmp_path):
+    """Stepped by someone who sleeps; the next run is as ever."""
+    path, time = build_sleeper(tmp_path), 0.1 * np.arange(2001)
+    with RepeatedFmu(path) as fmu:
+        begin = clock.monotonic()
+        with pytest.raises(UserError, match=r"takes too long from [0-9.]+ s on") as refused:
+            fmu.run(time, {}, {"delay": 0.01, "until": 1e9}, ["voltage_age"], longest=0.3)
+        assert clock.monotonic() - begin < 5.0
+        assert "\n" not in str(refused.value)
+        assert np.isfinite(fmu.run(time[:3], {}, {"delay": 0.0, "until": 1e9}, ["voltage_age"])).all()

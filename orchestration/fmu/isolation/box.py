@@ -1,0 +1,236 @@
+"""What goes on in a process, in memory that outlives it: which call of which FMU it is in, and what it has computed."""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import files
+from fmus.kit.errors import UserError
+from orchestration.fmu.kernel.library import Progress
+
+Array = NDArray[np.float64]
+_BOX, _LEGEND, _ABOUT, _ROWS = "box", "legend", "about", "rows"
+_TEXT, _SLOTS = 500, 16
+_NONE = -1
+_STEPS = ("step", "fmi2DoStep")
+
+
+class _Head(ctypes.Structure):
+    """What stands before the runs of the kernel."""
+
+    _fields_ = (
+        ("beat", ctypes.c_int64), ("point", ctypes.c_int64), ("length", ctypes.c_int32), ("slot", ctypes.c_int32),
+        ("text", ctypes.c_char * _TEXT),
+    )  # fmt: skip
+
+
+class State(NamedTuple):
+    """Where a process is.
+
+    Attributes
+    ----------
+    doing : str
+        What an FMU is asked to do; empty if none is asked anything.
+    point, row : int
+        Of a run, also one that is over: the communication point that is next, and how many rows the kernel has kept
+        since they were taken.
+    beat : int
+        Another one whenever something was begun or ended.
+    listed : bool
+        Whether what it does is an operation of the kernel, which is the same at every point.
+    """
+
+    doing: str
+    point: int
+    row: int
+    beat: tuple[int, int, int]
+    listed: bool = False
+
+    def words(self, time: Sequence[float] | Array, otherwise: str) -> str:
+        """What an FMU was asked to do, and where in time (n,)."""
+        if not self.listed or not 0 <= self.point < len(time):
+            return self.doing or otherwise
+        step = self.doing.endswith(": step")
+        return f"{self.doing} from {time[self.point - 1]:g} s" if step else f"{self.doing} at {time[self.point]:g} s"
+
+
+class Box:
+    """The memory of one process, in a folder that another one can read.
+
+    Parameters
+    ----------
+    folder : Path
+        There already.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        path, size = folder / _BOX, ctypes.sizeof(_Head) + _SLOTS * ctypes.sizeof(Progress)
+        if not path.exists():
+            path.write_bytes(bytes(size))
+        with path.open("r+b") as file:
+            self._memory = mmap.mmap(file.fileno(), size)
+        self._head = _Head.from_buffer(self._memory)
+        self._runs = (Progress * _SLOTS).from_buffer(self._memory, ctypes.sizeof(_Head))
+        self._taken: set[int] = set()
+
+    # ---- in the process ------------------------------------------------------------------------------------------
+
+    def clear(self) -> None:
+        """Nothing goes on."""
+        self._head.length, self._head.slot = 0, _NONE
+
+    def do(self, what: str) -> None:
+        """Note what an FMU is asked to do; nothing: it has answered."""
+        data, head = what.encode()[:_TEXT], self._head
+        head.text, head.length = data, len(data)
+        head.beat += 1
+
+    def run(self) -> Progress:
+        """Memory of a run of the kernel; of this process alone, if there is no room."""
+        free = next((k for k in range(_SLOTS) if k not in self._taken), None)
+        if free is None:
+            return Progress()
+        self._taken.add(free)
+        return self._runs[free]
+
+    def give_back(self, run: Progress) -> None:
+        """Let another run have the memory of this one."""
+        self._taken.discard(self._slot(run))
+
+    def begin(self, run: Progress, legend: list[str]) -> None:
+        """Note that the kernel carries out a run whose operations are these."""
+        if (slot := self._slot(run)) != _NONE:
+            (self.folder / f"{_LEGEND}{slot}").write_bytes(pickle.dumps(legend))
+        self._head.slot = slot
+
+    def end(self) -> None:
+        """Note that it does not any more."""
+        if self._head.slot != _NONE:
+            self._head.point = self._runs[self._head.slot].point
+        self._head.slot = _NONE
+
+    def _slot(self, run: Progress) -> int:
+        at, size = ctypes.addressof(run) - ctypes.addressof(self._runs), ctypes.sizeof(Progress)
+        return at // size if 0 <= at < _SLOTS * size else _NONE
+
+    def keep(self, about: Any) -> None:
+        """Keep what whoever reads the rows has to know of them."""
+        files.write(self.folder / _ABOUT, pickle.dumps(about))
+
+    def rows(self, shape: tuple[int, int], name: str = _ROWS) -> Array:
+        """As the function of that name."""
+        path = self.folder / name
+        array: Array = (
+            np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape) if 0 not in shape else np.empty(shape)
+        )
+        return array
+
+    # ---- afterwards ----------------------------------------------------------------------------------------------
+
+    def state(self) -> State:
+        """Where the process is."""
+        head = self._head
+        doing = head.text[: head.length].decode(errors="replace")
+        if head.slot == _NONE:
+            return State(doing, head.point, 0, (head.beat, 0, 0))
+        run = self._runs[head.slot]
+        legend = pickle.loads((self.folder / f"{_LEGEND}{head.slot}").read_bytes())
+        operation = legend[min(run.position, len(legend) - 1)] if legend else ""
+        beat = (head.beat, run.point, run.position)
+        return State(doing or operation, run.point, run.row, beat, bool(operation and not doing))
+
+    def about(self) -> Any:
+        """What was kept; None without."""
+        path = self.folder / _ABOUT
+        return pickle.loads(path.read_bytes()) if path.exists() else None
+
+    def filled(self, name: str = _ROWS) -> Array | None:
+        """Rows as far as they were filled, and what followed; None without."""
+        path = self.folder / name
+        return np.array(np.load(path)) if path.exists() else None
+
+
+current: Box | None = None  # of this process, if it is one beside another
+
+
+def rows(shape: tuple[int, int], name: str = _ROWS) -> Array:
+    """An array that is filled row by row, which outlives this process if it is one beside another.
+
+    Raises
+    ------
+    UserError
+        If there is no room for it.
+    """
+    if current is None:
+        return np.empty(shape)
+    try:
+        return current.rows(shape, name)
+    except OSError as error:
+        raise UserError(f"{current.folder}: cannot be written ({error.strerror or error})") from error
+
+
+@contextmanager
+def doing(what: str) -> Iterator[None]:
+    """Note what an FMU is asked to do, while it does it."""
+    box = current
+    if box is None:
+        yield
+        return
+    box.do(what)
+    yield
+    box.do("")  # not after an exception: the next call notes itself
+
+
+@contextmanager
+def running() -> Iterator[Progress]:
+    """Note how far a run is that is made in Python: its point."""
+    box = current
+    if box is None:
+        yield Progress()
+        return
+    run = box.run()
+    run.point = run.position = run.row = 0
+    box.begin(run, [])
+    try:
+        yield run
+    finally:
+        box.end()
+        box.give_back(run)
+
+
+def keep(about: Any) -> None:
+    """Let whoever reads the rows know what they are."""
+    if current is not None:
+        current.keep(about)
+
+
+class _Noted(partial[int]):
+    """A call of an FMI function that is noted while it lasts."""
+
+    whose, what = "", ""
+
+    def __call__(self, /, *more: Any, **options: Any) -> int:
+        given = [*self.args, *more]
+        at = getattr(given[1], "value", given[1]) if self.what in _STEPS else 0.0
+        with doing(f"{self.whose}: step from {at:g} s" if self.what in _STEPS else f"{self.whose}: {self.what}"):
+            return super().__call__(*more, **options)
+
+
+def noted(call: Callable[..., int], whose: str, what: str) -> Any:
+    """Return a call of an FMI function that is noted while it lasts; where there is nobody to read it, itself."""
+    if current is None:
+        return call
+    one = _Noted(call)
+    one.whose, one.what = whose, what
+    return one

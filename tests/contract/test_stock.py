@@ -1,0 +1,359 @@
+"""Claims: an archive for pythonfmu computes what the other builds do, and holds what is promised of it, no less.
+
+Everything runs in processes of their own: stock pythonfmu may crash one, which ``test_stock_pythonfmu_hazards.py`` has.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+
+from fmus import COMPONENTS, component
+from fmus.kit import Component, stack
+from fmus.kit import build as kit
+from fmus.kit.build.stock import LIMITS
+from fmus.kit.errors import UserError
+from orchestration.fmu.check import check_fmu
+from orchestration.fmu.model import find_class
+from tests.contract import checks, structure
+from tests.contract.models import BrokenRate, Oscillator, Sampler
+from tests.contract.raw import FATAL, Instance, Library, resident, unzipped
+from tests.contract.schedule import go, schedule
+from tests.contract.subjects import SUBJECTS
+from tests.support import hosts, source
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
+pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
+
+ALL = [*COMPONENTS, "Sampler", "Oscillator"]
+OTHERS = {"Sampler": Sampler, "Oscillator": Oscillator}
+each = pytest.mark.parametrize("name", ALL)
+finish = functools.partial(hosts.finish_in_subprocess, clean_exit=False)
+
+
+def model(name: str) -> type[Component]:
+    return OTHERS[name] if name in OTHERS else component(name)
+
+
+@pytest.fixture(scope="module")
+def stock(tmp_path_factory) -> Callable[[str], Path]:
+    """Path of the archive for pythonfmu, built once."""
+    folder = tmp_path_factory.mktemp("stock")
+
+    @functools.cache
+    def path(name: str) -> Path:
+        file = folder / f"{name}.fmu"
+        file.write_bytes(kit.build(model(name), "pythonfmu", ["linux64"]))
+        return file
+
+    return path
+
+
+def works(function: Callable, *arguments):
+    finished = finish(function, *arguments)
+    assert finished.returncode == 0, finished.output
+    return finished.result
+
+
+# --- numbers --------------------------------------------------------------------------------------------------------
+
+
+def stimulus(name: str, n: int = 120) -> tuple[np.ndarray, dict, list[str]]:
+    """Equal steps, inputs that jump at every one, and the real outputs."""
+    random, cls = np.random.default_rng(3), component(name)
+    inputs = {signal: value * random.uniform(-1.0, 1.5, n) for signal, value in SUBJECTS[name].inputs.items()}
+    return cls.experiment[1] * np.arange(n), inputs, [v.name for v in cls.layout.measurable if v.type == "real"]
+
+
+def close(found, wanted, outputs):
+    for output in outputs:
+        scale = np.nanmax(np.abs(wanted[output])) or 1.0
+        assert np.nanmax(np.abs(found[output] - wanted[output])) <= 1e-9 * scale, output
+    assert any(np.ptp(wanted[output][1:]) > 0.0 for output in outputs)
+
+
+@pytest.mark.parametrize("changed", [False, True], ids=["defaults", "changed"])
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_the_numbers_are_those_of_the_native_build_in_fmpy(stock, fmu, name, changed):
+    """Also with other parameters, more accuracy than the component's own, and outputs read before inputs are set."""
+    times, inputs, outputs = stimulus(name)
+    times = np.cumsum(np.random.default_rng(4).choice([0.3, 1.0, 2.7], times.size)) * times[1]
+    given = {"parameters": dict(SUBJECTS[name].parameters), "tolerance": 1e-11, "feedthrough": False} if changed else {}
+    run = functools.partial(hosts.run_fmpy, times=times, inputs=inputs, outputs=outputs, **given)
+    close(works(run_with, str(stock(name)), run.keywords), run(fmu(name, "native")), outputs)
+
+
+def run_with(archive: str, given: dict) -> dict:
+    return hosts.run_fmpy(archive, **given)
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_the_numbers_are_those_of_the_native_build_in_libcosim(stock, fmu, name):
+    times, inputs, outputs = stimulus(name)
+    real = {n: v for n, v in inputs.items() if {i.name: i.type for i in component(name).layout.inputs}[n] == "real"}
+    found = hosts.run_libcosim(stock(name), times, real, outputs, clean_exit=False)
+    wanted = hosts.run_libcosim(fmu(name, "native"), times, real, outputs)
+    assert np.isnan(found[outputs[0]][0])
+    close({k: v[1:] for k, v in found.items()}, {k: v[1:] for k, v in wanted.items()}, outputs)
+
+
+# --- what it holds of the contract ----------------------------------------------------------------------------------
+
+
+@each
+def test_fmpy_finds_no_problem_and_ppy_check_what_is_the_doing_of_the_binary(stock, name):
+    assert validate_fmu(str(stock(name))) == []
+    findings = [f for f in check_fmu(stock(name)) if f.severity != "note"]
+    assert {f.severity for f in findings} == {"warning"}
+    told = " ".join(f.message for f in findings)
+    assert "PyBool_FromLong" in told
+    assert "libstdc++" in told
+    assert all(f"binaries/linux64/{model(name).name}.so" in f.message for f in findings)
+
+
+@each
+def test_every_unknown_is_listed_with_its_true_dependencies(stock, name):
+    structure.every_unknown_is_listed(stock(name))
+    works(structure.dependencies_are_those_found_by_differences, stock(name))
+
+
+@each
+def test_the_state_is_the_whole_state(stock, name):
+    works(checks.going_on_from_a_saved_state_gives_the_same_bits, stock(name))
+    works(checks.a_state_may_be_restored_anywhere, stock(name))
+
+
+def serialised(archive: Path) -> bool:
+    """Whether an instance goes on alike from a state, and from the same state out of its bytes."""
+    with hosts.extracted(archive) as folder:
+        one = hosts.slave(folder)
+        one.instantiate()
+        one.setupExperiment()
+        one.enterInitializationMode()
+        one.exitInitializationMode()
+        one.doStep(0.0, 0.05)
+        state, values = one.getFMUState(), []
+        for taken in (state, one.deSerializeFMUstate(one.serializeFMUstate(state))):
+            one.setFMUState(taken)
+            one.doStep(0.05, 0.013)
+            values.append(one.serializeFMUstate(one.getFMUState()))
+        return values[0] == values[1]
+
+
+@each
+def test_a_state_survives_as_bytes(stock, name):
+    assert works(serialised, stock(name))
+
+
+CLOCK = '''
+from fmus.kit import Component, Output, State
+
+class Clock(Component):
+    """Shows the time."""
+
+    name = "clock"
+    x = State("1", rate="x_rate")
+
+    def x_rate(self):
+        return self.x + 1.0
+
+    @Output("s")
+    def now(self):
+        """Time."""
+        return self.time
+'''
+
+
+def watched(archive: Path) -> list[float]:
+    """Output at three points, and at the second one restored, which was saved before anything was read there."""
+    with unzipped(archive) as folder, Instance(Library(folder)) as one:
+        one.initialize()
+        seen = one.get("now")
+        one.step(0.5)
+        state = one.save()
+        seen += one.get("now")
+        one.step(0.25)
+        seen += one.get("now")
+        one.restore(state)
+        return [*seen, *one.get("now")]
+
+
+def test_outputs_follow_a_step_and_a_restored_state_by_themselves(tmp_path):
+    (tmp_path / "clock.py").write_text(CLOCK)
+    archive = tmp_path / "clock.fmu"
+    archive.write_bytes(kit.build(find_class(f"{tmp_path / 'clock.py'}:Clock"), "pythonfmu", ["linux64"]))
+    assert works(watched, archive) == [0.0, 0.5, 0.75, 0.5]
+
+
+def beside(first: Path, second: Path) -> list[bytes]:
+    """What an instance gives alone, after a reset, and while one of another FMU and one of the same are beside it."""
+    with unzipped(first) as here, unzipped(second) as there:
+        library, other = Library(here), Library(there)
+        with Instance(library) as one, Instance(library, b"twin") as twin, Instance(other, b"other") as stranger:
+            results = []
+            moves = schedule(library, 1, checks.STEPS)
+            one.initialize()
+            results.append(go(one, moves))
+            one.do("fmi2Reset")
+            one.initialize()
+            twin.initialize()
+            stranger.initialize()
+            halves = b""
+            for move in moves:
+                halves += go(one, [move])
+                go(twin, schedule(library, 2, 1))
+                go(stranger, schedule(other, 3, 1))
+            results.append(halves)
+            return results
+
+
+@pytest.mark.parametrize(("name", "second"), [("ppy_actuator", "galvanostat"), ("degradation_estimator", "Sampler")])
+def test_instances_and_fmus_do_not_see_each_other_and_a_reset_is_a_fresh_start(stock, name, second):
+    alone, among = works(beside, stock(name), stock(second))
+    assert alone == among
+
+
+def refusals(archive: Path, values: dict[str, float]) -> tuple[int, list[str]]:
+    with unzipped(archive) as folder, Instance(Library(folder), logging=1) as one:
+        one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
+        one.set(values)
+        one.do("fmi2EnterInitializationMode")
+        return one.call("fmi2ExitInitializationMode"), one.messages
+
+
+def test_a_parameter_out_of_range_is_refused_fatally_by_name_value_and_range(stock):
+    status, messages = works(refusals, stock("ppy_actuator"), {"R1": -1.0})
+    assert status == FATAL
+    assert "parameter 'R1' = -1 ohm is outside [0, 1e+06]" in " ".join(messages)
+
+
+def broken(archive: Path) -> tuple[int, list[str]]:
+    """Status and messages of a step in which a law raises."""
+    with unzipped(archive) as folder, Instance(Library(folder), logging=1) as one:
+        one.initialize({"current": 6.0})
+        return one.call("fmi2DoStep", 0.0, 0.1, 1), one.messages
+
+
+def printed(archive: Path) -> None:
+    """The same in fmpy; nothing is asked of the instance after that."""
+    with hosts.extracted(archive) as folder:
+        one = hosts.slave(folder)
+        one.instantiate(loggingOn=True)
+        one.setupExperiment()
+        one.enterInitializationMode()
+        one.setReal([component("ppy_actuator").layout.names.index("current")], [6.0])
+        one.exitInitializationMode()
+        with pytest.raises(FMICallException):
+            one.doStep(0.0, 0.1)
+
+
+def test_a_bug_in_a_law_is_fatal_and_told_with_its_per_cents(tmp_path):
+    archive = tmp_path / "broken.fmu"
+    archive.write_bytes(kit.build(stack(component("ppy_actuator"), BrokenRate), "pythonfmu", ["linux64"]))
+    status, messages = works(broken, archive)
+    assert status == FATAL
+    assert "ValueError: 100 % broken, %s %n" in " ".join(messages)
+    finished = finish(printed, archive)  # through a logger that reads the message as a format
+    assert finished.returncode == 0, finished.output
+    assert "ValueError: 100 % broken, %s %n" in finished.output
+
+
+@each
+def test_the_same_sources_give_the_same_bytes(stock, name):
+    again = kit.build(model(name), "pythonfmu", ["linux64"])
+    assert again == stock(name).read_bytes()
+    checks.no_time_and_no_order_of_this_machine(stock(name))
+
+
+def test_different_components_have_different_modules(stock):
+    """Modules of one name would be one in a process."""
+    scripts = set()
+    for name in ALL:
+        with zipfile.ZipFile(stock(name)) as archive:
+            scripts.add(archive.read("resources/slavemodule.txt"))
+            assert b"NTNU" in archive.read("documentation/licenses/pythonfmu.txt")
+    assert len(scripts) == len(ALL)
+
+
+# --- what is refused ------------------------------------------------------------------------------------------------
+
+
+def test_a_proxy_is_refused_with_a_line():
+    with pytest.raises(UserError, match="rig_proxy asks something outside of it"):
+        kit.build(component("rig_proxy"), "pythonfmu")
+
+
+def test_a_platform_without_a_binary_is_refused_with_those_that_have_one():
+    with pytest.raises(UserError, match="no binary for darwin64; it has some for linux64, win64"):
+        kit.build(component("ppy_actuator"), "pythonfmu", ["darwin64"])
+
+
+def test_without_platforms_it_has_all_that_pythonfmu_has():
+    archive = zipfile.ZipFile(io.BytesIO(kit.build(component("ppy_actuator"), "pythonfmu")))
+    found = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+    assert found == {"linux64", "win64"}
+
+
+def test_without_pythonfmu_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setattr("fmus.kit.build.stock.importlib.util.find_spec", lambda name: None)
+    with pytest.raises(UserError, match=r"pip install 'ppy-rig\[pythonfmu\]'"):
+        kit.build(component("ppy_actuator"), "pythonfmu")
+
+
+def test_a_builder_that_fails_is_told_in_a_line(monkeypatch):
+    failed = SimpleNamespace(returncode=1, stderr="Traceback\nValueError: no such thing\n")
+    monkeypatch.setattr(subprocess, "run", lambda *args, **kwargs: failed)
+    with pytest.raises(UserError, match=r"^pythonfmu failed for ppy_actuator: ValueError: no such thing$"):
+        kit.build(component("ppy_actuator"), "pythonfmu")
+
+
+def test_what_is_not_promised_stands_in_the_how_to():
+    page = " ".join((source.ROOT / "docs" / "how-to" / "other-tools.md").read_text(encoding="utf-8").split())
+    for limit in LIMITS:
+        assert limit in page
+
+
+# --- what is not promised is not so ---------------------------------------------------------------------------------
+
+
+def accepted(archive: Path) -> dict[str, int]:
+    """Statuses of what the contract refuses; an instance under another GUID."""
+    with unzipped(archive) as folder, Instance(Library(folder), guid=b"not the GUID") as one:
+        found = {"guid": 0 if one.component else 1}
+        one.initialize()
+        found["time"] = one.call("fmi2DoStep", 77.0, one.library.step, 1)
+        found["order"] = one.call("fmi2EnterInitializationMode")
+        return found
+
+
+def test_arguments_that_the_contract_refuses_are_accepted(stock):
+    assert works(accepted, stock("ppy_actuator")) == {"guid": 0, "time": 0, "order": 0}
+
+
+def growth(archive: Path, cycles: int) -> float:
+    """Resident bytes for each instance created and freed."""
+    with unzipped(archive) as folder:
+        library = Library(folder)
+
+        def cycle(count: int) -> int:
+            for _ in range(count):
+                Instance(library).free()
+            return resident()
+
+        before = cycle(100)
+        return (cycle(cycles) - before) / cycles
+
+
+def test_every_instance_leaks(stock):
+    assert works(growth, stock("ppy_actuator"), 300) > 1024.0

@@ -1,0 +1,227 @@
+"""Claims: whatever an FMU does to its process, it is told in a line, what was computed is kept, and nothing is left.
+
+Oracles: acts compiled from C, and the closed form of what is computed until then.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+import pytest
+
+import orchestration as ppy
+from fmus.kit import UserError
+from orchestration.fmu.isolation.limits import Limits
+from orchestration.fmu.simulate import Unfinished
+from orchestration.master import Stopped, run
+from orchestration.records import read_record
+from orchestration.system.model import Connection, Member, Port, System
+from tests.support.hosts import build_one_state_fmu
+from tests.support.misbehaving import ACTS, END, START, build
+
+TIME = 0.1 * np.arange(31)
+REACHED = 11  # points until the step that begins at 1 s
+HASTE = Limits(step_timeout=2.0, memory=6e8)
+UNTOLD = ("closes_every_file",)  # by its own process, which has no way left to tell what it does
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("misbehaving")
+
+
+@pytest.fixture(scope="module")
+def lag(folder):
+    return build_one_state_fmu(folder)
+
+
+@pytest.fixture
+def nothing_left(tmp_path, monkeypatch):
+    """No process, and no folder."""
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    yield
+    assert list((tmp_path / "tmp").iterdir()) == []
+    assert children() == []
+
+
+def children():
+    """Processes that this one has started, which are not over."""
+    told = subprocess.run(["ps", "--ppid", str(os.getpid()), "-o", "pid=,comm="], capture_output=True, text=True)
+    return [line for line in told.stdout.splitlines() if line.split()[1] != "ps"]
+
+
+def response(points):
+    """The lag's, to a step."""
+    return 1.0 - np.exp(-TIME[:points])
+
+
+@pytest.mark.parametrize("name", ACTS)
+def test_a_simulation(name, folder, nothing_left):
+    where, _, told = ACTS[name]
+    call = (str(build(name, folder)), {"u": 1.0})
+    if not told:
+        found = ppy.simulate(*call, time=TIME, isolate=HASTE)
+        np.testing.assert_allclose(found["x"], response(31), atol=1e-12)
+        return
+    with pytest.raises(UserError, match=f"^{name}.fmu: ") as refused:
+        ppy.simulate(*call, time=TIME, isolate=HASTE)
+    message = str(refused.value)
+    assert told in message
+    assert "\n" not in message
+    if where == START:
+        assert "loading" in message
+        assert not isinstance(refused.value, Unfinished)
+        return
+    assert isinstance(refused.value, Unfinished)
+    reached = 31 if where == END else len(refused.value.time) if name in UNTOLD else REACHED
+    np.testing.assert_array_equal(refused.value.time, TIME[:reached])
+    np.testing.assert_allclose(refused.value.outputs["x"], response(reached), atol=1e-12)
+    if where != END and name not in UNTOLD:
+        assert "from 1 s" in message or "at 1.1 s" in message
+
+
+def three(lag, bad):
+    """A chain of three, of which the second misbehaves."""
+    links = (Connection(Port("a", "x"), Port("b", "u")), Connection(Port("b", "x"), Port("c", "u")))
+    members = (Member("a", lag), Member("b", bad), Member("c", lag))
+    return System("three", members, links, {"u": (Port("a", "u"),)}, step=0.1, stop=3.0)
+
+
+@pytest.mark.parametrize("name", ACTS)
+@pytest.mark.parametrize("options", [{}, {"extrapolation": 1}], ids=["kernel", "python"])
+def test_a_run_of_three(name, options, folder, lag, nothing_left):
+    where, _, told = ACTS[name]
+    system = three(lag, build(name, folder))
+    expected = run(three(lag, lag), TIME, {"u": np.ones(31)}, **options)
+    if not told:
+        found = run(system, TIME, {"u": np.ones(31)}, isolation=HASTE, **options)
+        assert found.complete
+        assert found.signals["c.x"].tobytes() == expected.signals["c.x"].tobytes()
+        return
+    with pytest.raises(UserError) as refused:
+        run(system, TIME, {"u": np.ones(31)}, isolation=HASTE, **options)
+    assert told in str(refused.value)
+    assert "\n" not in str(refused.value)
+    if name in UNTOLD:
+        return
+    assert str(refused.value).startswith(f"b: {name}.fmu: ")
+    if where != START:
+        assert isinstance(refused.value, Stopped)
+        left = refused.value.run
+        assert not left.complete
+        assert len(left.time) == (31 if where == END else REACHED)
+        for signal_name, values in left.signals.items():
+            assert values.tobytes() == expected.signals[signal_name][: len(left.time)].tobytes()
+
+
+def test_numbers_are_the_same_bits(lag, nothing_left):
+    inputs = {"u": np.sin(TIME)}
+    for model in (str(lag), "ppy_actuator"):
+        given = inputs if model == str(lag) else {"current": np.sin(TIME)}
+        here, there = (ppy.simulate(model, given, time=TIME, isolate=way) for way in (False, True))
+        assert {k: v.tobytes() for k, v in here.outputs.items()} == {k: v.tobytes() for k, v in there.outputs.items()}
+
+
+def test_what_the_fmu_refuses_is_told_in_its_words(lag):
+    told = []
+    for way in (False, True):
+        with pytest.raises(UserError) as refused:
+            ppy.simulate(str(lag), time=TIME, settings={"tau": 0.0}, isolate=way)
+        told.append(str(refused.value))
+    assert told[0] == told[1]
+    assert "must be positive" in told[0]
+
+
+COMMAND = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from orchestration.cli.app import main
+sys.exit(main())
+"""
+
+
+def command(*arguments, cwd):
+    return subprocess.Popen(
+        [sys.executable, "-c", COMMAND, *map(str, arguments)], cwd=cwd, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(cwd), "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+
+
+def test_on_the_command_line_it_is_so_unless_told_otherwise(folder, tmp_path):
+    bad = build("exits", folder)
+    (tmp_path / "out.csv").write_text("dear\n")
+    with command(
+        "simulate", bad, "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--out", "out.csv", cwd=tmp_path
+    ) as one:
+        _, told = one.communicate(timeout=120)
+    assert one.returncode == 2
+    how = "step from 1 s: its process ended (exit status 0)"
+    assert told.splitlines()[-1] == f"error: exits.fmu: {how}; what was computed until 1 s is in out.part.csv"
+    assert (tmp_path / "out.csv").read_text() == "dear\n"
+    part = read_record(tmp_path / "out.part.csv", {"x": ""})
+    np.testing.assert_allclose(part.signals["x"], response(REACHED), atol=1e-9)
+
+
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c_ends_a_hang(presses, folder, tmp_path):
+    bad = build("hangs", folder)
+    with command("simulate", bad, "--set", "u=1", "--stop", "3s", "--step", "0.1s", cwd=tmp_path) as one:
+        time.sleep(6.0)  # until it hangs
+        begin = time.monotonic()
+        for _ in range(presses):
+            one.send_signal(signal.SIGINT)
+            time.sleep(0.2)
+        _, told = one.communicate(timeout=60)
+    assert time.monotonic() - begin < 5.0
+    assert one.returncode == 130
+    assert told.splitlines()[-1] == "interrupted"
+    assert [path for path in tmp_path.iterdir() if path.name.startswith("ppy-fmu")] == []
+
+
+def test_where_its_parent_is_killed_it_ends(folder, tmp_path):
+    bad = build("hangs", folder)
+    with command("simulate", bad, "--set", "u=1", "--stop", "3s", "--step", "0.1s", cwd=tmp_path) as one:
+        until = time.monotonic() + 60.0
+        while not (found := grandchildren(one.pid)) and time.monotonic() < until:
+            time.sleep(0.1)
+        time.sleep(3.0)
+        one.kill()
+        one.communicate()
+    assert found
+    until = time.monotonic() + 20.0
+    while any(alive(pid) for pid in found) and time.monotonic() < until:
+        time.sleep(0.2)
+    assert not any(alive(pid) for pid in found)
+
+
+def grandchildren(pid):
+    told = subprocess.run(["ps", "--ppid", str(pid), "-o", "pid="], capture_output=True, text=True)
+    return [int(line) for line in told.stdout.split()]
+
+
+def alive(pid):
+    told = subprocess.run(["ps", "-p", str(pid), "-o", "stat="], capture_output=True, text=True)
+    return bool(told.stdout.strip()) and not told.stdout.startswith("Z")
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--no-isolate", "--step-timeout", "3s"], "--step-timeout is for an FMU in a process of its own"),
+        (["--memory-limit", "much"], "'much': an amount of memory such as 2GB"),
+        (["--memory-limit", "1KB"], "at least 256MB"),
+        (["--step-timeout", "0s"], "a time above 0"),
+    ],
+)
+def test_bad_limits_are_told_in_a_line(options, told, lag, tmp_path):
+    with command("simulate", lag, "--set", "u=1", *options, cwd=tmp_path) as one:
+        _, said = one.communicate(timeout=60)
+    assert one.returncode == 2
+    assert told in " ".join(said.split())
