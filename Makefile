@@ -44,7 +44,7 @@ public-laws: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.public_laws
 
 foreign-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.foreign --records 16 --clean 12 --seed $(or $(SEED),20261164) --out docs/foreign-fmus.md
+	$(BIN)/python -m benchmarks.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
 
 naming: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.naming --seeds 2 --seed $(or $(SEED),700)
