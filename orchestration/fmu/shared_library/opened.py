@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.archive import first_line, read_description, unpack
-from orchestration.fmu.calls import bind
 from orchestration.fmu.isolation.box import doing, noted
-from orchestration.fmu.log import MessageLog
+from orchestration.fmu.shared_library.calls import bind
+from orchestration.fmu.shared_library.log import MessageLog
 from orchestration.fmu.signal import Value
 
 Array = NDArray[np.float64]
