@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import re
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -44,6 +47,26 @@ Isolate = Annotated[
         show_default=False,
     ),
 ]
+
+
+def isolating(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that makes many runs of an FMU the option to have them in this process."""
+    isolate = inspect.Parameter("isolate", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Isolate)
+
+    @functools.wraps(command)
+    def isolated(*given: Any, isolate: bool | None = None, **options: Any) -> None:
+        from orchestration.fmu.isolation import limits as known
+
+        with known.isolating(None if isolate is False else known.DEFAULT):
+            command(*given, **options)
+
+    plain = inspect.signature(command)
+    changed: Any = isolated
+    changed.__signature__ = plain.replace(parameters=[*plain.parameters.values(), isolate])
+    changed.__annotations__ = command.__annotations__ | {"isolate": Isolate}
+    return isolated
+
+
 StepTimeout = Annotated[
     float | None,
     option("--step-timeout", metavar="TIME", help="How long a call of an isolated FMU may take; default 60 s.",
@@ -64,12 +87,22 @@ def limits(foreign: bool, isolate: bool | None, timeout: float | None, memory: f
     UserError
         If limits are given for what is not isolated.
     """
+    found = told(foreign if isolate is None else isolate, timeout, memory)
+    return found if (foreign if isolate is None else isolate) else None
+
+
+def told(isolate: bool | None, timeout: float | None, memory: float | None) -> Limits:
+    """Limits as they are told.
+
+    Raises
+    ------
+    UserError
+        If they are given for what is not isolated.
+    """
     from fmus.kit.errors import UserError
     from orchestration.fmu.isolation.limits import STEP_TIMEOUT, Limits
 
-    if not (foreign if isolate is None else isolate):
-        for name, given in (("--step-timeout", timeout), ("--memory-limit", memory)):
-            if given is not None:
-                raise UserError(f"{name} is for an FMU in a process of its own; give --isolate too")
-        return None
+    for name, given in (("--step-timeout", timeout), ("--memory-limit", memory)):
+        if given is not None and isolate is False:
+            raise UserError(f"{name} is for an FMU in a process of its own; give --isolate too")
     return Limits(STEP_TIMEOUT if timeout is None else timeout, memory)

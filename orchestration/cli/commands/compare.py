@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from fmus.kit.errors import UserError
+from orchestration.cli.isolation import isolating
 from orchestration.cli.options import (
     DEFAULT_MODEL,
     Json,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from orchestration.identify.comparison import Comparison
 
 
+@isolating
 def compare(
     record: Record,
     model: ModelOption = DEFAULT_MODEL,

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from orchestration.cli.isolation import isolating
 from orchestration.cli.options import (
     DEFAULT_MODEL,
     Json,
@@ -109,6 +110,7 @@ System = Annotated[
 ]
 
 
+@isolating
 def diagnose(
     records: Records,
     model: Model = None,

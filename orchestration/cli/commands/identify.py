@@ -10,6 +10,7 @@ import typer
 
 from fmus.kit.errors import UserError
 from orchestration.cli.commands.compare import show
+from orchestration.cli.isolation import isolating
 from orchestration.cli.options import (
     DEFAULT_MODEL,
     Json,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from orchestration.identify.comparison import Comparison
 
 
+@isolating
 def identify(
     record: Record,
     fit: Annotated[str, option("--fit", help="Parameters, e.g. R1,R2,C.")],

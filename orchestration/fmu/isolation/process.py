@@ -93,6 +93,10 @@ class Process:
         process.stdout.close()
         self._open.close()
 
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
+
     def _listen(self) -> None:
         stream = self._process.stdout
         assert stream is not None
