@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.storage import scratch
 from orchestration.fmu.archive import first_line, read_description, unpack
 from orchestration.fmu.calls import Transfer, bind, transfers
 from orchestration.fmu.log import MessageLog
@@ -346,5 +346,5 @@ class Fmu:
             self._slave.freeLibrary()
             self._slave = None
         if self._folder is not None and self._folder != self._shared:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            scratch.remove(self._folder)
         self._folder = self._shared

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from typing import Any
 
+from fmus.kit.storage import scratch
+
 
 @contextmanager
 def workers(count: int, begin: Callable[..., None], *arguments: Any) -> Iterator[ProcessPoolExecutor]:
@@ -29,9 +31,9 @@ def workers(count: int, begin: Callable[..., None], *arguments: Any) -> Iterator
     """
     others = {*active_children()}
     # a process that is killed removes nothing: this one does
-    with tempfile.TemporaryDirectory(prefix="ppy-workers-", ignore_cleanup_errors=True) as folder:
+    with scratch.folder("workers") as folder:
         # a fresh interpreter: what this process has open, FMUs among it, is not copied into a worker
-        pool = ProcessPoolExecutor(count, get_context("spawn"), _begin, (folder, begin, arguments))
+        pool = ProcessPoolExecutor(count, get_context("spawn"), _begin, (str(folder), begin, arguments))
         try:
             yield pool
         except BaseException:  # an interrupt, or nobody wants more: workers are in the middle of something

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
+from fmus.kit.build.library_cache import library, load
 from fmus.kit.build.sources import FOLDER, UNIT, fmi_headers, unit
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
@@ -102,7 +102,7 @@ def _pointer(array: Array) -> object:
 
 def _load(path: Path) -> Any:
     """Bind ``ppy_simulate``."""
-    function = ctypes.CDLL(str(path)).ppy_simulate
+    function = load(path).ppy_simulate
     function.argtypes = [
         ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,
         ctypes.c_double, ctypes.POINTER(_Ladder), _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
