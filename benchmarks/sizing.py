@@ -11,7 +11,8 @@ import numpy as np
 
 import orchestration as ppy
 from orchestration.sweeps.compiled import chosen
-from orchestration.sweeps.journal import Journal
+from orchestration.sweeps.parts import LARGEST, SECONDS
+from orchestration.sweeps.storage.journal import Journal
 from orchestration.sweeps.task import Repeated, Task
 
 from . import machine
@@ -19,7 +20,6 @@ from .tables import Cell, Table, Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "sweep-sizing.md"
 CASES, NODES, CORES = 1_000_000, 100, 32
-PART = 64  # cases that a worker is told at once
 SCHEDULER = 1e-3  # s for a part, as Dask's documentation has it: about a millisecond a task, whoever does it
 NETWORK = 125e6  # bytes/s, of one gigabit a second
 
@@ -29,25 +29,26 @@ def measure(cases: int = 2000, points: int = 1001) -> Topic:
     clock = 0.01 * np.arange(points)
     model = ppy.find_model("ppy_actuator")
     rows: list[list[Cell]] = []
-    told = []
+    told, sizes = [], []
     for engine in ("compiled", "fmu"):
         task = Task(
             model.path, ("C",), {}, clock, {"current": np.sin(clock)}, ("displacement",),
             ("last", "smallest", "largest"), chosen(model, engine),
         )  # fmt: skip
-        case, head, size = _measured(task, np.linspace(5.0, 10.0, cases)[:, np.newaxis])
-        parts = sized(case, head, size)
+        case, head, size, part = _measured(task, np.linspace(5.0, 10.0, cases)[:, np.newaxis])
+        parts = sized(case, head, size, part)
         rows += [[f"{engine}: {what}", each, whole] for what, (each, whole) in parts.items()]
+        sizes.append(f"{engine} {part}")
         slowest = max(parts, key=lambda what: parts[what][1])
         told.append(f"{engine}: {parts[slowest][1]:.3g} s, and the bottleneck is {slowest}")
     return Topic(
         f"A sweep of {CASES:,} cases on {NODES} nodes",
         [
             f"Sized on paper, for {NODES} nodes of {CORES} cores such as those of the machine below, and a case of "
-            f"{points - 1:,} steps of `ppy_actuator` of which three numbers are kept. Measured, in processor time: "
+            f"{points - 1:,} steps of `ppy_actuator` of which three numbers are kept. Measured: "
             "a case on a worker; and what one costs the machine that asks for it, to read the answer and to write "
-            f"it to disk. Not measured: {1e3 * SCHEDULER:g} ms of Dask's scheduler for a part of {PART} cases, as "
-            "its documentation has it, and a network of one gigabit a second.",
+            f"it to disk. Not measured: {1e3 * SCHEDULER:g} ms of Dask's scheduler for a part, as its documentation "
+            f"has it, and a network of one gigabit a second. Cases of a part: {', '.join(sizes)}.",
             str(machine.describe()),
             Table(["engine and share", "a case, µs", f"{CASES:,} cases, s"], rows),
             f"The shares overlap, so that the largest is what the sweep takes: {'; '.join(told)}. More nodes do not "
@@ -58,7 +59,7 @@ def measure(cases: int = 2000, points: int = 1001) -> Topic:
     )  # fmt: skip
 
 
-def sized(case: float, head: float, size: float) -> dict[str, tuple[float, float]]:
+def sized(case: float, head: float, size: float, part: int) -> dict[str, tuple[float, float]]:
     """Work out what a sweep takes.
 
     Parameters
@@ -67,6 +68,8 @@ def sized(case: float, head: float, size: float) -> dict[str, tuple[float, float
         Seconds of a core of a worker, and of the machine that asks, for a case.
     size : float
         Bytes of its answer.
+    part : int
+        Cases that a worker is told at once.
 
     Returns
     -------
@@ -76,30 +79,28 @@ def sized(case: float, head: float, size: float) -> dict[str, tuple[float, float
     shares = {
         "the workers": case / (NODES * CORES),
         "the machine that asks": head,
-        "the scheduler": SCHEDULER / PART,
+        "the scheduler": SCHEDULER / part,
         "the network": size / NETWORK,
     }
     return {who: (1e6 * share, CASES * share) for who, share in shares.items()}
 
 
-def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float]:
-    """Seconds for a case on a worker and where it is asked for, and bytes of its answer."""
+def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float, int]:
+    """Seconds for a case on a worker and where it is asked for, bytes of its answer, and cases of a part."""
     with Repeated(task) as repeated:
-        repeated.run(cases[0])
-        begin = time.process_time()
-        outcomes = [repeated.run(values) for values in cases]
-        case = (time.process_time() - begin) / len(cases)
-    answers = [pickle.dumps(outcomes[at : at + PART]) for at in range(0, len(outcomes), PART)]
+        part = CASES // (2 * NODES * CORES)
+        case = repeated.run(cases[:part]).seconds / len(cases[:part])
+        part = max(1, min(LARGEST, part, int(SECONDS / case)))
+        found = [repeated.run(cases[at : at + part]) for at in range(0, len(cases), part)]
+    answers, case = [pickle.dumps(one) for one in found], sum(one.seconds for one in found) / len(cases)
     with tempfile.TemporaryDirectory() as folder:
         journal = Journal(Path(folder), task, cases, "")
-        begin, row = time.process_time(), 0
-        for answer in answers:
-            for outcome in pickle.loads(answer):
-                journal.write(row, outcome)
-                row += 1
+        begin = time.process_time()
+        for row, answer in zip(range(0, len(cases), part), answers, strict=True):
+            journal.write(range(row, min(row + part, len(cases))), pickle.loads(answer))
         head = (time.process_time() - begin) / len(cases)
         del journal
-    return case, head, sum(map(len, answers)) / len(cases)
+    return case, head, sum(map(len, answers)) / len(cases), part
 
 
 if __name__ == "__main__":

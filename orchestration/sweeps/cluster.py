@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
 from fmus.kit.storage import scratch
-from orchestration.sweeps.crew import Numbered, portions
-from orchestration.sweeps.task import Outcome, Repeated, Task, failed
+from orchestration.sweeps.crew import AHEAD, Part
+from orchestration.sweeps.parts import Parts
+from orchestration.sweeps.task import Outcomes, Repeated, Task, failed
 
 Array = NDArray[np.float64]
-_AHEAD = 2  # as in `crew`
 _PATIENCE = 30.0  # s without anything done, after which it is asked whether there are workers
 
 
@@ -52,7 +52,7 @@ def packed(task: Task) -> Parcel:
     return Parcel(task, fmu, library, hashlib.sha256(fmu + library + of_task).hexdigest())
 
 
-def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[int]) -> Iterator[Numbered]:
+def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[int]) -> Iterator[Part]:
     """Run cases on a cluster, and tell each as soon as it is there.
 
     Parameters
@@ -66,8 +66,8 @@ def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[
 
     Yields
     ------
-    tuple of int and Outcome
-        In any order. A case that ends its worker again and again fails.
+    list of int and Outcomes
+        Rows, and what they left; in any order. A case that ends its worker again and again fails.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[
     with Repeated(task):  # what is wrong with the FMU is told here, in one line
         pass
     client, threads = _connected(address)
-    parts = portions(task, which, threads)
+    parts = Parts(task, which, threads)
     suspects: deque[list[int]] = deque()  # cases of parts whose worker ended, which may not be to blame
     running: dict[Any, list[int]] = {}
     try:
@@ -85,15 +85,15 @@ def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[
         parcel = client.submit(unpacked, packed(task), pure=False)
         while parts or running or suspects:
             alone = not parts and not running
-            if alone:
-                parts.append(suspects.popleft())
-            while parts and len(running) < _AHEAD * threads:
-                rows = parts.popleft()
+            while (parts or alone) and len(running) < (1 if alone else AHEAD * threads):
+                rows = suspects.popleft() if alone else parts.next()
                 # a result is not known by its arguments: a part that is told again is run again
                 running[client.submit(work, parcel, cases[rows], pure=False)] = rows
             for future in _done(client, running, address):
                 rows = running.pop(future)
-                yield from _results(future, rows, task, None if alone else suspects, address)
+                for part in _results(future, rows, task, None if alone else suspects, address):
+                    parts.took(len(rows), part[1].seconds)
+                    yield part
     finally:
         client.cancel([*running])
         with suppress(OSError, TimeoutError):  # what is gone has nothing to let go of
@@ -155,17 +155,16 @@ def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]
 
 def _results(
     future: Any, rows: list[int], task: Task, suspects: deque[list[int]] | None, address: str
-) -> Iterator[Numbered]:  # fmt: skip
+) -> Iterator[Part]:  # fmt: skip
     """Take what a part left; where its worker ended, its cases are run again alone, and blamed if it ends then."""
     from distributed.scheduler import KilledWorker
 
     try:
-        found: list[Outcome] = future.result()
-        yield from zip(rows, found, strict=True)
+        yield rows, future.result()
     except KilledWorker:
         # Dask blames all that a worker was told, what it had not begun with, too
         if suspects is None:
-            yield rows[0], failed(task, f"{task.path.name}: the process that ran it ended")
+            yield rows, failed(task, f"{task.path.name}: the process that ran it ended")
         else:
             suspects.extend([row] for row in rows)
     except UserError:
@@ -186,11 +185,10 @@ def unpacked(parcel: Parcel) -> Parcel:
     return parcel
 
 
-def work(parcel: Parcel, cases: Array) -> list[Outcome]:
+def work(parcel: Parcel, cases: Array) -> Outcomes:
     """Run cases (k, p) on a worker, which keeps what runs them for the next."""
     with _lock, _in_its_folder():
-        repeated = _repeated(parcel)
-        return [repeated.run(values) for values in cases]
+        return _repeated(parcel).run(cases)
 
 
 def let_go() -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +12,6 @@ from numpy.typing import NDArray
 from fmus.kit.errors import UserError
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model
-from orchestration.fmu.repeated import RepeatedFmu
 from orchestration.fmu.signal import Value
 
 Array = NDArray[np.float64]
@@ -105,7 +102,7 @@ def _equations(model: Model) -> Equations:
 
 
 class CompiledCases:
-    """A component run again and again in compiled code; a context manager.
+    """A component that compiled code runs again and again; it may do so in several threads at once.
 
     What such code cannot judge, a value out of its range or a step that fails, is left to the FMU, which says what is
     wrong, or comes to the same numbers.
@@ -113,8 +110,6 @@ class CompiledCases:
     Parameters
     ----------
     equations : Equations
-    path : Path
-        Of the FMU.
 
     Raises
     ------
@@ -122,68 +117,80 @@ class CompiledCases:
         If the library cannot be loaded.
     """
 
-    def __init__(self, equations: Equations, path: Path):
-        self._equations, self._path = equations, path
+    def __init__(self, equations: Equations):
+        from fmus.kit.record.library import RecordLibrary
+
+        self._equations = equations
         self._starts, self._smallest, self._largest = np.array(list(equations.parameters.values())).reshape(-1, 3).T
         self._index = {name: k for k, name in enumerate(equations.parameters)}
         self._periods = [self._index[name] for name in equations.periods]
         self._column = {name: k for k, name in enumerate((*equations.outputs, *equations.remembered))}
-        self._fmu: RepeatedFmu | None = None
-        self._open = ExitStack()
-
-    def __enter__(self) -> CompiledCases:
-        from fmus.kit.record.library import RecordLibrary
-
-        equations = self._equations
         try:
             self._library = RecordLibrary(equations.library, len(equations.outputs), len(equations.remembered))
         except OSError as error:
             raise UserError(f"{equations.library}: cannot be loaded ({error})") from error
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.close()
-
-    @property
-    def inputs(self) -> list[str]:
-        """Names of the inputs."""
-        return list(self._equations.inputs)
 
     def run(
-        self, time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], outputs: Sequence[str]
-    ) -> Array:
-        """Run once from the start; as :meth:`orchestration.fmu.repeated.RepeatedFmu.run`."""
-        parameters, table = self._parameters(settings), self._table(len(time), inputs, settings)
-        if parameters is not None and table is not None:
-            held, effort = np.zeros(table.shape[1]), _MOST / len(time)
-            try:
-                found = self._library.simulate(time, table, held, parameters, self._equations.tolerance, effort, None)
-                # in rows as those of an FMU: reductions round alike
-                return np.ascontiguousarray(np.hstack(found)[:, [self._column[name] for name in outputs]])
-            except UserError:
-                pass  # the FMU says it in its words
-        if self._fmu is None:
-            self._fmu = self._open.enter_context(RepeatedFmu(self._path))
-        return self._fmu.run(time, inputs, settings, outputs)
+        self, time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], over: Mapping[str, Array],
+        outputs: Sequence[str],
+    ) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
+        """Run cases from the start.
 
-    def _parameters(self, settings: Mapping[str, Value]) -> Array | None:
-        """Values (p,) with those that are set; None if the FMU would not take one."""
-        values = self._starts.copy()
-        for name, value in settings.items():
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Communication points, s.
+        inputs : Mapping of str to ndarray, shape (n,)
+            In the FMU's units.
+        settings : Mapping of str to float or str
+            Parameters that all cases have, in the FMU's units.
+        over : Mapping of str to ndarray, shape (k,)
+            Parameters of each case, or inputs that it holds.
+        outputs : sequence of str
+            Of which the course is wanted, m of them.
+
+        Returns
+        -------
+        courses : ndarray, shape (k, n, m)
+        judged : ndarray of bool, shape (k,)
+            Whether each was run; the others are the FMU's.
+        """
+        count = len(next(iter(over.values())))
+        parameters, taken = self._parameters(count, settings, over)
+        tables, fed = self._tables(len(time), count, inputs, settings, over)
+        columns = [self._column[name] for name in outputs]
+        judged = taken & fed
+        parameters[~judged], tables[~fed] = self._starts, 0.0  # what compiled code may see instead
+        tolerance, effort = self._equations.tolerance, _MOST / len(time)
+        courses, done = self._library.cases(time, tables, parameters, tolerance, effort, columns)
+        judged &= done
+        courses[~judged] = np.nan
+        return courses, judged
+
+    def _parameters(
+        self, count: int, settings: Mapping[str, Value], over: Mapping[str, Array]
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Values (k, p), and whether the FMU would take them (k,)."""
+        values, taken = np.tile(self._starts, (count, 1)), np.ones(count, bool)
+        for name, value in {**settings, **over}.items():
             if isinstance(value, str):
-                return None
-            if name in self._index:
-                values[self._index[name]] = value
-        taken = ((values >= self._smallest) & (values <= self._largest)).all() and (values[self._periods] > 0.0).all()
-        return values if taken else None
+                taken[:] = False
+            elif name in self._index:
+                values[:, self._index[name]] = value
+        taken &= ((values >= self._smallest) & (values <= self._largest)).all(axis=1)
+        return values, taken & (values[:, self._periods] > 0.0).all(axis=1)
 
-    def _table(self, points: int, inputs: Mapping[str, Array], settings: Mapping[str, Value]) -> Array | None:
-        """Inputs (n, u), held at what they are set to where they have no course; None if the FMU would not take one."""
-        table = np.empty((points, len(self._equations.inputs)))
-        for k, (name, (start, real)) in enumerate(self._equations.inputs.items()):
-            table[:, k] = inputs.get(name, settings.get(name, start))
-            if not real and not np.isin(table[:, k], (0.0, 1.0)).all():
-                return None
-        return table if np.isfinite(table).all() else None
+    def _tables(
+        self, points: int, count: int, inputs: Mapping[str, Array], settings: Mapping[str, Value],
+        over: Mapping[str, Array],
+    ) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
+        """Inputs (k or 1, n, u), held where they have no course, and whether the FMU would take them (k or 1,)."""
+        kept = self._equations.inputs
+        tables = np.empty((count if {*kept} & {*over} else 1, points, len(kept)))
+        taken = np.ones(len(tables), bool)
+        for k, (name, (start, real)) in enumerate(kept.items()):
+            given = over[name][:, np.newaxis] if name in over else inputs.get(name, settings.get(name, start))
+            tables[:, :, k] = given
+            if not real:
+                taken &= np.isin(tables[:, :, k], (0.0, 1.0)).all(axis=1)
+        return tables, taken & np.isfinite(tables).all(axis=(1, 2))

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.fmu.workers import workers
-from orchestration.sweeps.task import Outcome, Repeated, Task, failed
+from orchestration.sweeps.parts import Parts
+from orchestration.sweeps.task import Outcomes, Repeated, Task, failed
 
 Array = NDArray[np.float64]
-Numbered = tuple[int, Outcome]
-_LARGEST, _PARTS = 64, 8  # cases that a worker is told at once, and in how many parts each worker's share is told
-_BYTES = 16_000_000  # that the cases of a part leave, at most, unless one leaves more
-_AHEAD = 2  # parts for each worker that are told before it needs them
+Part = tuple[list[int], Outcomes]
+Submit = Callable[[Array], "Future[Outcomes]"]
+AHEAD = 2  # parts for each worker that are told before it needs them
 
 _repeated: Repeated | None = None  # of a worker
 
 
-def outcomes(task: Task, cases: Array, which: Sequence[int], count: int = 1) -> Iterator[Numbered]:
-    """Run cases, and tell each as soon as it is there.
+def outcomes(task: Task, cases: Array, which: Sequence[int], count: int = 1) -> Iterator[Part]:
+    """Run cases, and tell what some left as soon as it is there.
 
     Parameters
     ----------
@@ -33,72 +32,86 @@ def outcomes(task: Task, cases: Array, which: Sequence[int], count: int = 1) -> 
     which : sequence of int
         Rows to run.
     count : int
-        Workers: processes besides this one; with one the cases run here.
+        Workers: processes besides this one, or its threads for compiled code; with one the cases run here.
 
     Yields
     ------
-    tuple of int and Outcome
-        Row, and what it left; in any order with several workers. A case whose worker ends is run once more alone, and
-        fails if its worker ends again.
+    list of int and Outcomes
+        Rows, and what they left; in any order with several workers. Cases whose worker ends are run once more, in
+        fewer at a time; one whose worker ends when it has nothing else to run fails.
 
     Raises
     ------
     UserError
         If the FMU cannot be opened.
     """
-    if count == 1 or len(which) < 2:
-        with Repeated(task) as one:
-            for row in which:
-                yield row, one.run(cases[row])
-        return
-    with Repeated(task):  # what is wrong with the FMU is told here, in one line
-        pass
-    parts = portions(task, which, count)
+    with Repeated(task) as one:  # what is wrong with the FMU is told here, in one line
+        if count == 1 or len(which) < 2:
+            parts = Parts(task, which)
+            while parts:
+                rows = parts.next()
+                found = one.run(cases[rows])
+                parts.took(len(rows), found.seconds)
+                yield rows, found
+            return
+    parts = Parts(task, which, count)
     while parts:
-        suspects = yield from _side_by_side(task, cases, parts, count)
-        for row in suspects:
-            yield row, _alone(task, cases[row])
+        for rows in (yield from _side_by_side(task, cases, parts, count)):
+            yield from _narrowed(task, cases, rows)
 
 
-def portions(task: Task, which: Sequence[int], count: int) -> deque[list[int]]:
-    """Divide cases for workers: into several parts for each, of which none leaves more than memory is meant to hold."""
-    nothing = failed(task, "")
-    left = nothing.numbers.nbytes + nothing.trace.nbytes
-    size = max(1, min(_LARGEST, _BYTES // max(1, left), len(which) // (count * _PARTS)))
-    return deque([*which[at : at + size]] for at in range(0, len(which), size))
+@contextmanager
+def _pool(task: Task, count: int) -> Iterator[Submit]:
+    """Something that runs cases for whoever submits them."""
+    if not task.equations:
+        with workers(count, _open, task) as processes:
+            yield lambda values: processes.submit(_work, values)
+        return
+    with Repeated(task) as one, ThreadPoolExecutor(count) as threads:
+        try:
+            yield lambda values: threads.submit(one.run, values)
+        finally:
+            threads.shutdown(wait=False, cancel_futures=True)
 
 
-def _pool(task: Task, count: int) -> AbstractContextManager[ProcessPoolExecutor]:
-    return workers(count, _open, task)
-
-
-def _side_by_side(
-    task: Task, cases: Array, parts: deque[list[int]], count: int
-) -> Generator[Numbered, None, list[int]]:
-    """Let workers run parts until all are done or a worker ends; returns rows that were under way then."""
-    running: dict[Future[list[Outcome]], list[int]] = {}
+def _side_by_side(task: Task, cases: Array, parts: Parts, count: int) -> Generator[Part, None, list[list[int]]]:
+    """Let workers run parts until all are done or a worker ends; returns parts that were under way then."""
+    running: dict[Future[Outcomes], list[int]] = {}
     try:
-        with _pool(task, count) as pool:
+        with _pool(task, count) as submit:
             while parts or running:
-                while parts and len(running) < _AHEAD * count:
-                    running[pool.submit(_work, cases[parts[0]])] = parts[0]
-                    parts.popleft()  # not before: a worker may have ended, and nothing more is taken then
+                while parts and len(running) < AHEAD * count:
+                    rows = parts.next()
+                    try:
+                        running[submit(cases[rows])] = rows
+                    except BrokenProcessPool:  # a worker has ended, and nothing more is taken
+                        parts.back(rows)
+                        raise
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
                     found = future.result()
-                    yield from zip(running.pop(future), found, strict=True)
+                    rows = running.pop(future)
+                    parts.took(len(rows), found.seconds)
+                    yield rows, found
     except BrokenProcessPool:
-        return [row for part in running.values() for row in part]
+        return [*running.values()]
     return []
 
 
-def _alone(task: Task, values: Array) -> Outcome:
-    """Run a case in a worker of its own."""
+def _narrowed(task: Task, cases: Array, rows: list[int]) -> Iterator[Part]:
+    """Run cases in a worker of their own, and halves of them if it ends, until the one is found that ends it."""
     try:
-        with _pool(task, 1) as pool:
-            return pool.submit(_work, values[np.newaxis]).result()[0]
+        with _pool(task, 1) as submit:
+            found = submit(cases[rows]).result()
     except BrokenProcessPool:
-        return failed(task, f"{task.path.name}: the process that ran it ended")
+        if len(rows) == 1:
+            yield rows, failed(task, f"{task.path.name}: the process that ran it ended")
+            return
+        half = len(rows) // 2
+        for part in (rows[:half], rows[half:]):
+            yield from _narrowed(task, cases, part)
+        return
+    yield rows, found
 
 
 def _open(task: Task) -> None:
@@ -108,7 +121,7 @@ def _open(task: Task) -> None:
     _repeated.__enter__()
 
 
-def _work(cases: Array) -> list[Outcome]:
+def _work(cases: Array) -> Outcomes:
     """Run cases (k, p) in a worker."""
     assert _repeated is not None
-    return [_repeated.run(values) for values in cases]
+    return _repeated.run(cases)

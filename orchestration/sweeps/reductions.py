@@ -11,11 +11,11 @@ from fmus.kit.errors import UserError, suggestion
 
 Array = NDArray[np.float64]
 REDUCTIONS: dict[str, Callable[[Array], Array]] = {
-    "last": lambda y: y[-1],
-    "smallest": lambda y: y.min(axis=0),
-    "largest": lambda y: y.max(axis=0),
-    "mean": lambda y: y.mean(axis=0),
-    "rms": lambda y: np.sqrt(np.mean(y * y, axis=0)),
+    "last": lambda y: y[:, -1],
+    "smallest": lambda y: y.min(axis=1),
+    "largest": lambda y: y.max(axis=1),
+    "mean": lambda y: y.mean(axis=1),
+    "rms": lambda y: np.sqrt(np.mean(y * y, axis=1)),
 }
 TRACE = "trace"  # all of it
 KEPT = ("last", "smallest", "largest")  # unless something else is asked for
@@ -38,7 +38,8 @@ def checked(names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def reduced(course: Array, names: Sequence[str]) -> Array:
-    """Reduce outputs (n, m) over n points to numbers (r, m) by r reductions, traces left out."""
-    kept = [REDUCTIONS[name](course) for name in names if name != TRACE]
-    return np.array(kept).reshape(len(kept), course.shape[1])
+def reduced(courses: Array, names: Sequence[str]) -> Array:
+    """Reduce outputs (k, n, m) of cases over n points to numbers (k, r, m) by r reductions, traces left out."""
+    cases, _, outputs = courses.shape
+    kept = [REDUCTIONS[name](courses) for name in names if name != TRACE]
+    return np.stack(kept, axis=1) if kept else np.empty((cases, 0, outputs))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,11 @@ from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Signal
 from orchestration.sweeps.cluster import outcomes_of_cluster
-from orchestration.sweeps.crew import outcomes
+from orchestration.sweeps.crew import Part, outcomes
 from orchestration.sweeps.design import Design
-from orchestration.sweeps.journal import Journal, check
-from orchestration.sweeps.lock import held
 from orchestration.sweeps.reductions import TRACE
+from orchestration.sweeps.storage.journal import Journal, check
+from orchestration.sweeps.storage.lock import held
 from orchestration.sweeps.task import Task
 
 Array = NDArray[np.float64]
@@ -71,21 +71,33 @@ def run(
         left, whole = journal.left, len(cases.cases)
         progress(whole - len(left), whole)
         alike = _alike(cases, left)
-        if scheduler is None or not left:
-            ran = outcomes(task, cases.cases, [*alike], min(workers, max(1, len(alike))))
-        else:
-            ran = outcomes_of_cluster(scheduler, task, cases.cases, [*alike])
         done = whole - len(left)
-        for first, outcome in ran:
-            for row in alike[first]:
-                journal.write(row, outcome)
-            done += len(alike[first])
+        for rows, left_by in _all(task, cases.cases, [*alike], workers, scheduler):
+            same = [(row, place) for place, first in enumerate(rows) for row in alike[first]]
+            journal.write([row for row, _ in same], left_by.at([place for _, place in same]))
+            done += len(same)
             progress(done, whole)
         found = dataset(model, task, cases, journal)
         if folder is None:
             found.load()
         del journal  # before its folder goes: Windows keeps what is open
     return found.assign_attrs(model=model.name, guid=guid, engine=task.engine)
+
+
+def _all(task: Task, cases: Array, rows: list[int], workers: int, scheduler: str | None) -> Iterator[Part]:
+    """Run cases, those that compiled code cannot judge by the FMU afterwards."""
+    for one in (task, task.by_fmu) if task.equations else (task,):
+        if one is not task and not rows:
+            return
+        if scheduler is None or not rows:
+            ran = outcomes(one, cases, rows, min(workers, max(1, len(rows))))
+        else:
+            ran = outcomes_of_cluster(scheduler, one, cases, rows)
+        rows = []
+        for some, found in ran:
+            rows += [some[place] for place in found.left]
+            there = [place for place in range(len(some)) if place not in found.left]
+            yield [some[place] for place in there], found.at(there)
 
 
 def check_memory(task: Task, cases: Design) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
@@ -56,31 +58,51 @@ class Task:
         """What runs the cases, ``compiled`` or ``fmu``."""
         return "compiled" if self.equations else "fmu"
 
+    @property
+    def by_fmu(self) -> Task:
+        """The same, run by the FMU."""
+        return replace(self, equations=None)
+
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a case left.
+class Outcomes:
+    """What cases left, k of them.
 
     Attributes
     ----------
-    numbers : ndarray, shape (r, m)
-        By reductions and outputs, in the FMU's units; NaN where the case failed.
-    trace : ndarray, shape (n, m) or (0, m)
-        The whole course, where it is kept.
-    failure : str
-        Why there is nothing; empty if there is.
+    numbers : ndarray, shape (k, r, m)
+        By reductions and outputs, in the FMU's units; NaN where a case failed.
+    traces : ndarray, shape (k, n, m) or (k, 0, m)
+        The whole courses, where they are kept.
+    failures : dict of int to str
+        Why there is nothing of a case, by its place.
+    left : tuple of int
+        Places of cases that only the FMU can run: nothing is known of them.
+    seconds : float
+        That all took.
     """
 
     numbers: Array
-    trace: Array
-    failure: str = ""
+    traces: Array
+    failures: dict[int, str]
+    left: tuple[int, ...] = ()
+    seconds: float = 0.0
+
+    def at(self, places: Sequence[int]) -> Outcomes:
+        """Those at some places, as often as they are named."""
+        failures = {k: self.failures[place] for k, place in enumerate(places) if place in self.failures}
+        return Outcomes(self.numbers[[*places]], self.traces[[*places]], failures, (), self.seconds)
 
 
-def failed(task: Task, reason: str) -> Outcome:
-    """An outcome of nothing."""
-    kept, m = [name for name in task.keep if name != TRACE], len(task.outputs)
-    points = len(task.time) if TRACE in task.keep else 0
-    return Outcome(np.full((len(kept), m), np.nan), np.full((points, m), np.nan), reason)
+def failed(task: Task, reason: str) -> Outcomes:
+    """An outcome of nothing, of one case."""
+    return _kept(task, np.full((1, len(task.time), len(task.outputs)), np.nan), {0: reason})
+
+
+def _kept(task: Task, courses: Array, failures: dict[int, str], left: Sequence[int] = ()) -> Outcomes:
+    return Outcomes(
+        reduced(courses, task.keep), courses if TRACE in task.keep else courses[:, :0], failures, tuple(left)
+    )
 
 
 class Repeated:
@@ -98,31 +120,49 @@ class Repeated:
 
     def __init__(self, task: Task):
         self.task = task
-        self._model = CompiledCases(task.equations, task.path) if task.equations else RepeatedFmu(task.path)
-        self._parameters = {*task.names} - {*self._model.inputs}
+        self._compiled = CompiledCases(task.equations) if task.equations else None
+        self._fmu = None if task.equations else RepeatedFmu(task.path)
 
     def __enter__(self) -> Repeated:
-        self._model.__enter__()
+        if self._fmu:
+            self._fmu.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._model.__exit__(kind, error, trace)
+        if self._fmu:
+            self._fmu.__exit__(kind, error, trace)
 
-    def run(self, values: Array) -> Outcome:
-        """Run one case from the start; what the FMU refuses is the outcome.
+    def run(self, cases: Array) -> Outcomes:
+        """Run cases from the start; what the FMU refuses is an outcome.
 
         Parameters
         ----------
-        values : ndarray, shape (p,)
-            Of the task's names, in the FMU's units.
+        cases : ndarray, shape (k, p)
+            Values of the task's names, in the FMU's units.
         """
-        task, given = self.task, dict(zip(self.task.names, values.tolist(), strict=True))
-        settings = {**task.settings, **{n: v for n, v in given.items() if n in self._parameters}}
-        held = {n: np.full(len(task.time), v) for n, v in given.items() if n not in self._parameters}
-        try:
-            course = self._model.run(task.time, {**task.inputs, **held}, settings, task.outputs)
-        except UserError as error:
-            return failed(task, str(error))
-        return Outcome(reduced(course, task.keep), course if TRACE in task.keep else course[:0])
+        begin = time.perf_counter()
+        found = self._by_equations(self._compiled, cases) if self._compiled else self._by_fmu(cases)
+        return replace(found, seconds=time.perf_counter() - begin)
+
+    def _by_equations(self, compiled: CompiledCases, cases: Array) -> Outcomes:
+        task = self.task
+        over = dict(zip(task.names, cases.T, strict=True))
+        courses, judged = compiled.run(task.time, task.inputs, task.settings, over, task.outputs)
+        return _kept(task, courses, {}, np.flatnonzero(~judged).tolist())
+
+    def _by_fmu(self, cases: Array) -> Outcomes:
+        task, fmu, failures = self.task, self._fmu, {}
+        assert fmu is not None
+        courses = np.empty((len(cases), len(task.time), len(task.outputs)))
+        parameters = {*task.names} - {*fmu.inputs}
+        for k, values in enumerate(cases.tolist()):
+            given = dict(zip(task.names, values, strict=True))
+            settings = {**task.settings, **{n: v for n, v in given.items() if n in parameters}}
+            held = {n: np.full(len(task.time), v) for n, v in given.items() if n not in parameters}
+            try:
+                courses[k] = fmu.run(task.time, {**task.inputs, **held}, settings, task.outputs)
+            except UserError as error:
+                courses[k], failures[k] = np.nan, str(error)
+        return _kept(task, courses, failures)

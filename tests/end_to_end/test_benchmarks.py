@@ -107,7 +107,7 @@ def test_sweeps_refuse_to_time_different_results() -> None:
 
 
 def test_a_sweep_on_a_cluster_is_sized_by_its_slowest_share() -> None:
-    found = sizing.sized(case=3.2e-3, head=2e-6, size=1250.0)
+    found = sizing.sized(case=3.2e-3, head=2e-6, size=1250.0, part=64)
     assert {who: whole for who, (_, whole) in found.items()} == pytest.approx(
         {"the workers": 1.0, "the machine that asks": 2.0, "the scheduler": 15.625, "the network": 10.0}
     )

@@ -93,3 +93,27 @@ EXPORT int ppy_simulate(size_t n, const double *time, const double *inputs, cons
     free(memory);
     return done ? 0 : 1;
 }
+
+/* Runs cases that differ in parameters, row by row in `parameters`, and in inputs where these lie `apart` numbers from
+   each other; that is 0 where all cases have the same. Of outputs, then states and discretes, the columns `kept` are
+   written to `courses`, cases x n x columns. Where a case cannot be run `done` is 0, and what is written of it means
+   nothing. Returns 0, or 1 without memory. */
+EXPORT int ppy_cases(size_t cases, size_t n, const double *time, const double *inputs, size_t apart,
+                     const double *parameters, double tolerance, double effort, const int *kept, size_t columns,
+                     double *courses, unsigned char *done) {
+    double linear[MODEL_INPUTS + 1] = {0.0};
+    double *all = malloc((n * (MODEL_OUTPUTS + REMEMBERED) + 1) * sizeof *all), *states = all + n * MODEL_OUTPUTS;
+    Message unused;
+    if (all == NULL)
+        return 1;
+    for (size_t k = 0; k < cases; k++) {
+        done[k] = !ppy_simulate(n, time, inputs + k * apart, linear, parameters + k * MODEL_PARAMETERS, tolerance,
+                                effort, NULL, all, states, unused, sizeof unused);
+        for (size_t i = 0; i < n; i++)
+            for (size_t j = 0; j < columns; j++)
+                *courses++ = kept[j] < MODEL_OUTPUTS ? all[i * MODEL_OUTPUTS + kept[j]]
+                                                     : states[i * REMEMBERED + kept[j] - MODEL_OUTPUTS];
+    }
+    free(all);
+    return 0;
+}

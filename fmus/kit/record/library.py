@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ class RecordLibrary:
     """
 
     def __init__(self, path: Path, outputs: int, remembered: int):
-        self._function = _load(path)
+        self._function, self._cases = _load(path)
         self._outputs, self._states = outputs, remembered
 
     @classmethod
@@ -75,6 +75,44 @@ class RecordLibrary:
             raise UserError(message.value.decode(errors="replace"))
         return outputs, states
 
+    def cases(
+        self, time: Array, tables: Array, parameters: Array, tolerance: float, effort: float, columns: Sequence[int]
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Run over a record with other parameters each time.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+        tables : ndarray, shape (k, n, u) or (1, n, u)
+            Inputs of each case, or of all of them; held between the points.
+        parameters : ndarray, shape (k, p)
+        tolerance, effort : float
+            As for `simulate`.
+        columns : sequence of int
+            What is kept, m of outputs, then states and discrete states.
+
+        Returns
+        -------
+        courses : ndarray, shape (k, n, m)
+            In rows as those of an FMU.
+        done : ndarray of bool, shape (k,)
+            Whether each could be run; else its course means nothing.
+
+        Raises
+        ------
+        MemoryError
+            If there is too little.
+        """
+        kept = np.array(columns, dtype=np.intc)
+        courses, done = np.empty((len(parameters), len(time), len(kept))), np.zeros(len(parameters), bool)
+        failed = self._cases(
+            len(parameters), len(time), _pointer(time), _pointer(tables), tables[0].size * (len(tables) > 1),
+            _pointer(parameters), tolerance, effort, kept.ctypes, len(kept), _pointer(courses), done.ctypes,
+        )  # fmt: skip
+        if failed:
+            raise MemoryError
+        return courses, done
+
 
 def sources(graph: Graph, states: int) -> dict[str, bytes]:
     """C files of a graph, of whose states the first are those of the component."""
@@ -100,12 +138,17 @@ def _pointer(array: Array) -> object:
     return array.ctypes.data_as(_DOUBLES)
 
 
-def _load(path: Path) -> Any:
-    """Bind ``ppy_simulate``."""
-    function = load(path).ppy_simulate
-    function.argtypes = [
+def _load(path: Path) -> tuple[Any, Any]:
+    """Bind ``ppy_simulate`` and ``ppy_cases``."""
+    there = load(path)
+    one, many = there.ppy_simulate, there.ppy_cases
+    one.argtypes = [
         ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,
         ctypes.c_double, ctypes.POINTER(_Ladder), _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
     ]  # fmt: skip
-    function.restype = ctypes.c_int
-    return function
+    many.argtypes = [
+        ctypes.c_size_t, ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_size_t, _DOUBLES, ctypes.c_double,
+        ctypes.c_double, ctypes.c_void_p, ctypes.c_size_t, _DOUBLES, ctypes.c_void_p,
+    ]  # fmt: skip
+    one.restype = many.restype = ctypes.c_int
+    return one, many

@@ -119,7 +119,7 @@ def sweep(
 def _check_outputs(model: str, fitted: Path | None, out: Path | None, plot: Path | None) -> None:
     from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
-    from orchestration.sweeps import stored
+    from orchestration.sweeps.storage import stored
 
     store = out if out is not None and out.suffix.lower() == _ZARR else None
     Outputs(
@@ -241,8 +241,8 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of: they are nowhere else."""
     from orchestration.experiment import results
     from orchestration.reporting.console import wrote
-    from orchestration.sweeps import journal, stored
-    from orchestration.sweeps.lock import held
+    from orchestration.sweeps.storage import journal, stored
+    from orchestration.sweeps.storage.lock import held
 
     with nullcontext() if parts is None else held(parts):
         (stored if out.suffix.lower() == _ZARR else results).write(data, out)
@@ -256,7 +256,7 @@ def _show(data: xarray.Dataset) -> None:
     import numpy as np
 
     from orchestration.reporting.console import note, out, plain_table
-    from orchestration.sweeps.traces import pieces
+    from orchestration.sweeps.storage.traces import pieces
 
     cases = int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
     out.print(f"{data.attrs['model']}: {cases:,} cases, {_RAN[data.attrs['engine']]}")

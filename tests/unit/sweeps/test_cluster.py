@@ -49,7 +49,10 @@ def test_compiled_code_travels_to_the_workers(workers):
 
 
 def test_what_was_done_on_a_cluster_is_gone_on_with_here(lag, workers, tmp_path):
+    reached = []
+
     def interrupt(done, whole):
+        reached.append(done)
         if done >= 7:
             raise KeyboardInterrupt
 
@@ -58,7 +61,7 @@ def test_what_was_done_on_a_cluster_is_gone_on_with_here(lag, workers, tmp_path)
         ppy.sweep(lag, **call, folder=tmp_path / "part", progress=interrupt, scheduler=workers.scheduler_address)
     seen = []
     again = ppy.sweep(lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done))
-    assert seen[0] == 7
+    assert seen[0] == reached[-1] < 200
     assert again.identical(ppy.sweep(lag, **call))
 
 

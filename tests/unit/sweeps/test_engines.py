@@ -11,7 +11,9 @@ import pytest
 import orchestration as ppy
 from fmus.kit import Component, Input, Parameter, State, UserError, sqrt
 from orchestration.sweeps import compiled
+from orchestration.sweeps import task as task_module
 from orchestration.sweeps.compiled import CompiledCases, chosen
+from orchestration.sweeps.reductions import REDUCTIONS, reduced
 from orchestration.sweeps.task import Repeated, Task
 from tests.support.hosts import build_one_state_fmu
 from tests.support.kernel import without_compiler
@@ -100,13 +102,14 @@ def test_a_case_that_fails_says_what_the_fmu_says(workers):
 def test_a_value_that_the_fmu_refuses_is_refused(bad):
     model = compiled_model(Draining)
     task = Task(model.path, ("outflow",), {}, TIME[:6], {}, ("level",), ("last",), chosen(model, "compiled"))
-    reasons = []
+    told = []
     for one in (task, replace(task, equations=None)):
         with Repeated(one) as case:
-            outcome = case.run(np.array([bad]))
-            assert np.isnan(outcome.numbers).all()
-            reasons.append(outcome.failure)
-    assert reasons[0] == reasons[1] != ""
+            found = case.run(np.array([[bad], [0.2]]))
+        assert np.isnan(found.numbers[0]).all()
+        assert np.isfinite(found.numbers[1]).all()
+        told.append((found.left, [*found.failures]))
+    assert told == [((0,), []), ((), [0])], "compiled code leaves it to the FMU, which refuses"
 
 
 def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypatch):
@@ -115,7 +118,7 @@ def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypa
     monkeypatch.setattr(compiled, "_MOST", 10.0)
     ran = []
     monkeypatch.setattr(
-        compiled.RepeatedFmu, "run", lambda *given, known=compiled.RepeatedFmu.run: ran.append(1) or known(*given)
+        task_module.RepeatedFmu, "run", lambda *given, known=task_module.RepeatedFmu.run: ran.append(1) or known(*given)
     )
     found = ppy.sweep("ppy_actuator", **call, engine="compiled")
     assert ran == [1, 1]
@@ -123,9 +126,18 @@ def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypa
 
 
 def test_workers_come_to_the_same_bits():
-    over, driven = {"R1": "0.3..0.7:37"}, {"current": np.sin(TIME)}
-    one, two = (ppy.sweep("ppy_actuator", over, driven, time=TIME, workers=n, engine="compiled") for n in (1, 2))
+    call = {"over": {"R1": "0.3..0.7:37"}, "inputs": {"current": np.sin(TIME)}, "keep": [*REDUCTIONS, "trace"]}
+    one, two = (ppy.sweep("ppy_actuator", **call, time=TIME, workers=n, engine="compiled") for n in (1, 2))
     assert one.identical(two)
+
+
+@pytest.mark.parametrize("outputs", [1, 2, 9])
+@pytest.mark.parametrize("points", [1, 2, 51, 5001])
+def test_a_case_is_reduced_to_the_same_bits_whatever_it_is_told_with(points, outputs):
+    courses = np.random.default_rng(points).normal(1.0, 1.0, (17, points, outputs))
+    together = reduced(courses, [*REDUCTIONS])
+    for k in range(17):
+        assert reduced(courses[k : k + 1], [*REDUCTIONS])[0].tobytes() == together[k].tobytes()
 
 
 def test_the_engine_is_chosen_by_what_is_known(lag, tmp_path):
@@ -159,5 +171,5 @@ def test_what_cannot_be_compiled_is_told_in_a_line(lag, name, engine, told):
 def test_a_library_that_is_gone_is_told_in_a_line(tmp_path):
     equations = chosen(ppy.find_model("ppy_actuator"), "compiled")
     gone = replace(equations, library=tmp_path / "gone.so")
-    with pytest.raises(UserError, match=r"gone.so: cannot be loaded"), CompiledCases(gone, tmp_path / "x.fmu"):
-        pass
+    with pytest.raises(UserError, match=r"gone.so: cannot be loaded"):
+        CompiledCases(gone)

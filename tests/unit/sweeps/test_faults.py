@@ -14,7 +14,6 @@ import pytest
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.fmu.repeated import RepeatedFmu
-from orchestration.sweeps.journal import Journal
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
 from tests.support.small_disk import disk_of_64_kib
 from tests.support.source import ROOT
@@ -72,21 +71,13 @@ def test_a_case_that_is_there_twice_is_run_once(lag, monkeypatch):
 
 
 def test_of_a_case_that_is_there_twice_one_may_be_done(lag, tmp_path, monkeypatch):
-    """An interrupt between what is written of the two."""
-    written, known = [], Journal.write
-
-    def write(journal, row, outcome):
-        if len(written) == 1:
-            raise KeyboardInterrupt
-        written.append(row)
-        known(journal, row, outcome)
-
+    """An end between what is written of the two."""
     call = {"over": {"tau": [1.0, 1.0, 2.0, 1.0]}, "inputs": {"u": 1.0}, "time": TIME, "kind": "list"}
-    with monkeypatch.context() as patched:
-        patched.setattr(Journal, "write", write)
-        with pytest.raises(KeyboardInterrupt):
-            ppy.sweep(lag, **call, folder=tmp_path / "part")
-    assert written == [0]
+    ppy.sweep(lag, **call, folder=tmp_path / "part")
+    for name, nothing in (("done", 0), ("numbers", np.nan)):
+        array = np.lib.format.open_memmap(tmp_path / "part" / f"{name}.npy", "r+")
+        array[1:] = nothing
+        array.flush()
     counted = ran(monkeypatch)
     again = ppy.sweep(lag, **call, folder=tmp_path / "part")
     assert len(counted) == 2
@@ -113,7 +104,7 @@ def test_a_disk_that_fills_while_cases_fail_loses_nothing(tmp_path, small_disk):
     fragile = str(build_pythonfmu(tmp_path, "refusing", source))
 
     def fill(done, whole):
-        if done == 5:
+        if done >= 5:
             with (small_disk / "other").open("wb", buffering=0) as file, contextlib.suppress(OSError):
                 while True:
                     file.write(bytes(512))

@@ -13,7 +13,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
-from orchestration.sweeps import stored, traces
+from orchestration.sweeps.storage import stored, traces
 from tests.support.command import here, on_terminal, posix, refused, works
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
-from orchestration.sweeps import lock
-from orchestration.sweeps.task import Outcome, Task, failed
-from orchestration.sweeps.traces import TraceFile, opened, reserve
+from orchestration.sweeps.storage import lock
+from orchestration.sweeps.storage.traces import TraceFile, opened, reserve
+from orchestration.sweeps.task import Outcomes, Task, failed
 
 Array = NDArray[np.float64]
 _ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = "sweep.json", "done.npy", "numbers.npy", "traces.npy", "failures.jsonl"
@@ -91,7 +91,7 @@ class Journal:
                 (folder / _FAILURES).unlink(missing_ok=True)
                 mode = "w+"
             self._done = _array(folder / _DONE, mode, (len(cases),), "u1")
-            self.numbers = _array(folder / _NUMBERS, mode, (len(cases), *nothing.numbers.shape), "f8")
+            self.numbers = _array(folder / _NUMBERS, mode, (len(cases), *nothing.numbers.shape[1:]), "f8")
             self._traces = self._open_traces(mode, len(cases), nothing)
             if mode == "w+":  # last: a folder without it is begun anew
                 files.write(folder / _ABOUT, json.dumps(about).encode())
@@ -104,9 +104,9 @@ class Journal:
         except (ValueError, TypeError, RecursionError) as error:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
-    def _open_traces(self, mode: str, cases: int, nothing: Outcome) -> TraceFile | None:
-        points, outputs = nothing.trace.shape
-        return TraceFile(self.folder / _TRACES, mode, (cases, outputs, points)) if nothing.trace.size else None
+    def _open_traces(self, mode: str, cases: int, nothing: Outcomes) -> TraceFile | None:
+        _, points, outputs = nothing.traces.shape
+        return TraceFile(self.folder / _TRACES, mode, (cases, outputs, points)) if nothing.traces.size else None
 
     def traces(self, output: int, shape: tuple[int, ...]) -> Any:
         """Traces of one output over cases in a shape, and time, which are read when they are used."""
@@ -118,21 +118,22 @@ class Journal:
         """Cases that are not done."""
         return [int(row) for row in np.flatnonzero(self._done == 0)]
 
-    def write(self, row: int, outcome: Outcome) -> None:
-        """Keep what a case left; it is done once its numbers are there."""
-        self.numbers[row] = outcome.numbers
+    def write(self, rows: Sequence[int], found: Outcomes) -> None:
+        """Keep what cases left; they are done once their numbers are there."""
+        self.numbers[[*rows]] = found.numbers
         try:
             if self._traces is not None:
-                self._traces.write(row, outcome.trace)
-            if outcome.failure:
-                self.failures[row] = outcome.failure
+                self._traces.write(rows, found.traces)
+            if found.failures:
+                told = {rows[place]: reason for place, reason in found.failures.items()}
+                self.failures.update(told)
                 with (self.folder / _FAILURES).open("a", encoding="utf-8") as file:
-                    file.write(json.dumps([row, outcome.failure]) + "\n")
+                    file.writelines(json.dumps([row, reason]) + "\n" for row, reason in told.items())
         except OSError as error:
             raise UserError(
                 f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
             ) from error
-        self._done[row] = 1
+        self._done[[*rows]] = 1
 
 
 def _failures(path: Path, done: Array) -> dict[int, str]:

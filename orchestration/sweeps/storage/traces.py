@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,11 +49,12 @@ class TraceFile:
         there = opened(path, "r", shape, "f8")
         self._first, self._bytes = int(there.offset), 8 * shape[1] * shape[2]
 
-    def write(self, row: int, trace: Array) -> None:
-        """Write the trace (points, m) of a case."""
+    def write(self, rows: Sequence[int], traces: Array) -> None:
+        """Write the traces (k, points, m) of cases."""
         with self.path.open("r+b") as file:
-            file.seek(self._first + row * self._bytes)
-            file.write(np.ascontiguousarray(trace.T).data)
+            for row, trace in zip(rows, traces, strict=True):
+                file.seek(self._first + row * self._bytes)
+                file.write(np.ascontiguousarray(trace.T).data)
 
     def of(self, output: int, shape: tuple[int, ...]) -> Any:
         """Return the traces of one output, the cases in a shape, as something that reads what is asked of it."""
