@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
+from fmus.kit.build import library_cache, toolchain
 from fmus.kit.component import Component
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import Graph
@@ -136,4 +135,9 @@ def compiled(sources: Mapping[str, bytes], libraries: Sequence[str], target: str
     UserError
         If there is no compiler for the platform, or it fails.
     """
-    return library(sources, UNIT, target, libraries).read_bytes()
+    return library_cache.library(sources, UNIT, target, libraries).read_bytes()
+
+
+def library_key(sources: Mapping[str, bytes], libraries: Sequence[str], target: str) -> str:
+    """Digest of all that goes into what :func:`compiled` returns."""
+    return library_cache.key(sources, UNIT, target, libraries)

@@ -8,8 +8,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
-from pathlib import Path
 
 import casadi as ca
 
@@ -20,6 +18,7 @@ from fmus.kit.declare import (
     ParameterDeclaration,
     StateDeclaration,
 )
+from fmus.kit.storage import scratch
 from fmus.kit.symbolic.trace import Graph
 
 _ROLES = {
@@ -145,6 +144,11 @@ def _generate(functions: list[ca.Function]) -> str:
     generator = ca.CodeGenerator("laws.c", {"with_header": False})
     for function in functions:
         generator.add(function)
-    with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-        generator.generate(folder + os.sep)
-        return (Path(folder) / "laws.c").read_text(encoding="utf-8")
+    with scratch.folder("laws") as folder:
+        generator.generate(f"{folder}{os.sep}")
+        with scratch.written(folder):
+            text = (folder / "laws.c").read_text(encoding="utf-8")
+            if generator.dump() not in text:  # where there is no room CasADi writes a part, and says nothing
+                scratch.check_room(folder)
+                raise OSError("of the laws, a part was written")
+            return text

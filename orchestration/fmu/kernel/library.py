@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
+from fmus.kit.build.library_cache import library, load
 from fmus.kit.errors import UserError
 
 # What an operation does, and why the kernel came back, as `kernel.c` has them.
@@ -63,8 +63,8 @@ def stepper() -> Callable[[Any, int], int] | None:
     source = (Path(__file__).parent / _SOURCE).read_bytes()
     try:
         path = library({_SOURCE: source}, _SOURCE, toolchain.host_platform())
-        function: Any = ctypes.CDLL(str(path)).ppy_run
-    except (UserError, OSError):
+        function: Any = load(path).ppy_run
+    except UserError:
         return None
     function.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
     function.restype = ctypes.c_int

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import shutil
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.storage import scratch
 from orchestration.fmu.archive import first_line, read_description, unpack
 from orchestration.fmu.isolation.box import doing, noted
 from orchestration.fmu.shared_library.calls import bind
@@ -174,5 +174,5 @@ class OpenedFmu:
                 self._slave.freeLibrary()
             self._slave = None
         if self._folder is not None and self._folder != self._shared:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            scratch.remove(self._folder)
         self._folder = self._shared

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fmus.kit import UserError, build
-from fmus.kit.build import toolchain
+from fmus.kit.build import process, toolchain
 from fmus.kit.build.toolchain import compile_library, find_compiler
 from tests.support.kit_samples import Divider
 
@@ -87,7 +87,7 @@ def test_a_failing_compilation_is_told_in_one_line(tmp_path):
 
 def test_a_compiler_that_says_nothing_is_told_too(monkeypatch, source):
     silent = subprocess.CompletedProcess([], 1, stdout="", stderr="")
-    monkeypatch.setattr(subprocess, "run", lambda *a, **k: silent)
+    monkeypatch.setattr(process, "run", lambda *given: silent)
     monkeypatch.setattr(toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",)))
     with pytest.raises(UserError, match=r"^cc failed for linux64: no message$"):
         compile_library([source], [], "linux64")

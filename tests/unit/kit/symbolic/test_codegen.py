@@ -3,11 +3,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import fmus
+from fmus.kit import UserError
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import trace
 from tests.support.kit_models import GUID, every_model
 from tests.support.kit_samples import Thermostat
+from tests.support.small_disk import disk_of_64_kib
 
 
 @every_model
@@ -51,3 +55,15 @@ def test_tables_carry_start_values_ranges_and_groups():
     assert "model_start_of[] = {7, 8, 9, 10, 11};" in body
     assert "{0.0, 6}," in body
     assert "{0.3, -1}," in body
+
+
+def test_laws_of_which_a_disk_takes_a_part_are_not_used(tmp_path, monkeypatch):
+    """CasADi writes what fits, and reports nothing."""
+    graph = trace(Thermostat)
+    with disk_of_64_kib(tmp_path / "disk") as disk:
+        (disk / "other").write_bytes(bytes(56 * 1024))
+        monkeypatch.setattr("tempfile.tempdir", str(disk))
+        with pytest.raises(UserError, match=rf"^{disk}: temporary files cannot be written there \(No space left"):
+            codegen.native_sources(graph, GUID)
+        (disk / "other").unlink()
+        assert "laws.c" in codegen.native_sources(graph, GUID)
