@@ -45,7 +45,12 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
 _NATIVE = EngineSources(
     (FOLDER / "native.h",), (FOLDER / "native.c", FOLDER / "integrate.c"), ("model.c", "laws.c"), _unix("m")
 )
-_PYTHON = EngineSources((FOLDER / "python.h",), (FOLDER / "python.c", FOLDER / "library.c"), ("model.c",), _unix("dl"))
+_PYTHON = EngineSources(
+    (FOLDER / "python.h",),
+    tuple(FOLDER / name for name in ("python.c", "library.c", "interpreter.c", "resources.c")),
+    ("model.c",),
+    _unix("dl"),
+)
 
 
 def engine_sources(cls: type[Component], runtime: str) -> EngineSources:

@@ -2,7 +2,7 @@
  *
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
- *     engine      native.c integrate.c,   python.c library.c,   or a component's own
+ *     engine      native.c integrate.c,   python.c library.c interpreter.c resources.c,   or a component's own
  *     model       model.h model.c, and laws.c with the native engine   (generated)
  *
  * What the generator writes
