@@ -52,10 +52,8 @@ def host_platform() -> str:
 
 
 def fmi_headers() -> Path:
-    """Folder of the FMI headers, as shipped with fmpy."""
-    import fmpy
-
-    return Path(fmpy.__file__).parent / "c-code"
+    """Folder of the headers of FMI 2.0.1, as the standard has them."""
+    return Path(__file__).parents[1] / "fmi2" / "standard"
 
 
 def cache_folder() -> Path:

@@ -20,8 +20,8 @@ struct Engine {
     PyObject *initialize, *evaluate, *differentiate, *advance, *warning, *terminate;
 };
 
-const bool engine_interpolates = false;
-const bool engine_differentiates = false;
+static const bool engine_interpolates = false;
+static const bool engine_differentiates = false;
 
 /* Every FMU is imported under a name of its own, so that FMUs never share modules. Only those names and one module
    with the bookkeeping are added to sys.modules, sys.path is left alone, and no bytecode is written into the FMU. */

@@ -67,12 +67,12 @@ typedef struct {
 #undef PYTHON_FIELD
 
 /* Finds the Python of this process or brings one in, and sees to it that it is initialized. */
-bool python_find(Python *python, Message message);
+static bool python_find(Python *python, Message message);
 
 /* Initializes Python unless that has been done; one thread of a process at a time. */
-bool python_start(const Python *python, Message message);
+static bool python_start(const Python *python, Message message);
 
 /* The path in a resource location, which is a file URI or already a path; to be freed. NULL if there is none. */
-char *resource_path(const char *location);
+static char *resource_path(const char *location);
 
 #endif

@@ -163,7 +163,7 @@ def test_awkward_texts_are_escaped():
     assert by_name == {"p": 'less < more & "so" — µ [page 3 & 4]', "y": "A < B & C"}
     assert "page 3 &amp; 4" in page(Awkward, Path("none.md"))
     tables = codegen.tables(trace(Awkward), GUID)
-    assert '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0}' in tables["model.c"]
+    assert '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0}' in tables["tables.h"]
 
 
 def test_the_description_ends_in_the_remark(monkeypatch):
