@@ -40,7 +40,7 @@ class EngineSources:
 
 
 def _unix(library: str) -> dict[str, tuple[str, ...]]:
-    return {"linux64": (library,), "darwin64": (library,)}
+    return dict.fromkeys(("linux64", "darwin64", "aarch64-linux"), (library,))
 
 
 _NATIVE = EngineSources((FOLDER / "native.h",), (FOLDER / "native.c", FOLDER / "integrate.c"), ("laws.c",), _unix("m"))
