@@ -19,13 +19,16 @@ from fmus.kit.build import process
 from fmus.kit.errors import UserError
 from fmus.kit.storage import scratch
 
-# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library.
+# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library. The versions are the oldest that
+# will do: of glibc; of macOS the first on arm64, and on x86-64 one with all functions that are called.
 ZIG_TARGETS = {
     "linux64": ("x86_64-linux-gnu.2.17",),
     "win64": ("x86_64-windows-gnu",),
-    "darwin64": ("x86_64-macos", "aarch64-macos"),
+    "darwin64": ("x86_64-macos.10.13", "aarch64-macos.11.0"),
+    "aarch64-linux": ("aarch64-linux-gnu.2.17",),
 }
-EXTENSIONS = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib"}
+EXTENSIONS = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib", "aarch64-linux": ".so"}
+_HOSTS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
 INSTALL_HINT = "pip install 'ppy-rig[native]' brings one (zig), for every platform"
 
 # No contraction of a*b+c: the two builds, and every platform, shall round alike.
@@ -46,19 +49,17 @@ def host_platform() -> str:
         If FMI 2.0 has no name for it, or it is not built here.
     """
     system, processor = platform.system(), platform.machine().lower()
-    name = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}.get(system)
+    name = _HOSTS.get(system)
     if name is None or (processor not in ("x86_64", "amd64") and not (name == "darwin64" and processor == "arm64")):
         raise UserError(
-            f"FMUs are built for {', '.join(ZIG_TARGETS)} (x86-64; macOS also arm64), not for {system} {processor}"
+            f"FMUs are built on {', '.join(_HOSTS.values())} (x86-64; macOS also arm64), not on {system} {processor}"
         )
     return name
 
 
 def fmi_headers() -> Path:
-    """Folder of the FMI headers, as shipped with fmpy."""
-    import fmpy
-
-    return Path(fmpy.__file__).parent / "c-code"
+    """Folder of the headers of FMI 2.0.1, as the standard has them."""
+    return Path(__file__).parents[1] / "fmi2" / "standard"
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def find_compiler(target: str) -> Compiler:
     Parameters
     ----------
     target : str
-        ``linux64``, ``win64`` or ``darwin64``.
+        ``linux64``, ``win64``, ``darwin64`` or ``aarch64-linux``.
 
     Returns
     -------
