@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 import re
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -47,26 +45,6 @@ Isolate = Annotated[
         show_default=False,
     ),
 ]
-
-
-def isolating(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command that makes many runs of an FMU the option to have them in this process."""
-    isolate = inspect.Parameter("isolate", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Isolate)
-
-    @functools.wraps(command)
-    def isolated(*given: Any, isolate: bool | None = None, **options: Any) -> None:
-        from orchestration.fmu.isolation import limits as known
-
-        with known.isolating(None if isolate is False else known.DEFAULT):
-            command(*given, **options)
-
-    plain = inspect.signature(command)
-    changed: Any = isolated
-    changed.__signature__ = plain.replace(parameters=[*plain.parameters.values(), isolate])
-    changed.__annotations__ = command.__annotations__ | {"isolate": Isolate}
-    return isolated
-
-
 StepTimeout = Annotated[
     float | None,
     option("--step-timeout", metavar="TIME", help="How long a call of an isolated FMU may take; default 60 s.",
@@ -106,3 +84,10 @@ def told(isolate: bool | None, timeout: float | None, memory: float | None) -> L
         if given is not None and isolate is False:
             raise UserError(f"{name} is for an FMU in a process of its own; give --isolate too")
     return Limits(STEP_TIMEOUT if timeout is None else timeout, memory)
+
+
+def isolating(isolate: bool | None) -> AbstractContextManager[None]:
+    """Have FMUs that are not ours in processes of their own, unless that is not wanted, while a command lasts."""
+    from orchestration.fmu.isolation import limits as known
+
+    return known.isolating(None if isolate is False else known.DEFAULT)
