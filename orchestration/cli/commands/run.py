@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fmus.kit.errors import UserError
-from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, limits
+from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, hearing_ctrl_c, limits
 from orchestration.cli.options import Json, complete_experiments, option, seconds
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
 from orchestration.cli.real_time import Options, keep, status_line
@@ -75,7 +76,8 @@ def run(
     def isolation(foreign: bool) -> Limits | None:
         return limits(foreign and live is None, isolate, step_timeout, memory_limit)
 
-    with standard_output_for(result):
+    heard = hearing_ctrl_c(None) if isolate is False and live is None else nullcontext()
+    with standard_output_for(result), heard:
         data, reproduced = _run(experiment, settings or [], runtime, out, plot, result, live, isolation)
     if "failure" in data.attrs:
         raise UserError(data.attrs["failure"])
