@@ -27,7 +27,7 @@ _SIGNALS = {NATIVE: "current", YARDSTICK: "u"}
 
 
 def measure(quick: bool = False) -> Topic:
-    """Time simulations of two lengths either way: what the longer one takes more is its steps, the rest is the start."""
+    """Time simulations of two lengths either way: what the longer one takes more is its steps."""
     few, many, rounds = (1000, 3000, 1) if quick else (10_000, 510_000, 5)
     rows: list[list[Cell]] = []
     told = []
