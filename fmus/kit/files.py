@@ -73,3 +73,11 @@ def _sync(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file; a name that no file can have, such as a far too long one, is none either."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

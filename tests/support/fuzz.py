@@ -1,6 +1,6 @@
 """Damaged files, thousands of them, given to whatever reads files; what is neither read nor refused is told.
 
-``python -m tests.support.fuzz --seconds 600 --seed 7`` goes on for ten minutes; what it finds it leaves in ``build/fuzz``.
+``python -m tests.support.fuzz --seconds 600 --seed 7`` goes on for ten minutes; findings are left in ``build/fuzz``.
 """
 
 from __future__ import annotations

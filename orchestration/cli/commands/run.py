@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmus.kit.errors import UserError
+from fmus.kit.files import is_file
 from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, hearing_ctrl_c, limits
 from orchestration.cli.options import Json, complete_experiments, option, seconds
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
@@ -114,7 +115,7 @@ def _run(
     from orchestration.reporting.console import note, wrote
 
     source = Path(name)
-    is_result = source.is_file() and source.suffix.lower() != ".toml"
+    is_result = is_file(source) and source.suffix.lower() != ".toml"
     chosen = [*settings, *([f"runtime={runtime}"] if runtime else [])]
     wanted = read(name, chosen)
     reads = {"result" if is_result else "experiment": source} | files(wanted)
