@@ -3,12 +3,13 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo hil-demo test test-slow foreign-study naming clean-study hidden-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz demo hil-demo test test-slow foreign-study naming clean-study hidden-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take minutes"
+	@echo "make fuzz       damaged files to whatever reads files, for ten minutes; SEED=N and SECONDS=N likewise"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
 	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
@@ -26,6 +27,9 @@ demo: $(VENV)/installed
 
 test: $(VENV)/installed-dev check chromium
 	$(BIN)/pytest -n 2
+
+fuzz: $(VENV)/installed-dev
+	$(BIN)/python -m tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)
 
 test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -m slow

@@ -145,7 +145,7 @@ def _beside(way: str, model: str, name: str, cases: int, points: int, rounds: in
         for workers in (1, 2) if k % 2 else (2, 1):
             seconds[workers][k] = _seconds(name, model, way, cases, points, workers)
     times = Times({str(workers): spent for workers, spent in seconds.items()})
-    return [f"{name}: {way}", f"{cases:,}", times.best("1"), times.best("2"), times.median_ratio("1", "2")]
+    return [f"{name}: {way}", cases, times.best("1"), times.best("2"), times.median_ratio("1", "2")]
 
 
 def _memory(cases: int) -> float:

@@ -36,7 +36,7 @@ class Component:
     ----------
     name : str
         Name of the FMU; empty for abstract bases and effects.
-    author, license : str
+    author, copyright, license : str
         For the FMU's description; left out where empty.
     remark : str
         How it differs from its class (effects, fitted values), for the FMU's description and documentation; one
@@ -60,6 +60,7 @@ class Component:
 
     name: ClassVar[str] = ""
     author: ClassVar[str] = ""
+    copyright: ClassVar[str] = ""
     license: ClassVar[str] = ""
     remark: ClassVar[str] = ""
     experiment: ClassVar[tuple[float, float]] = (100.0, 0.1)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import os
+import sys
 import uuid
 from pathlib import Path
 
@@ -22,33 +25,59 @@ def write(path: Path, contents: bytes) -> None:
     UserError
         If the folder or the file cannot be written.
     """
-    # beside the target, so that replacing it is one step; of its own name, so that two writers do not mix
-    temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(contents)
-        temporary.replace(path)
+        put(path, contents)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
         raise UserError(f"cannot write {path}: {error.strerror}") from error
 
 
-def write_once(path: Path, contents: bytes) -> None:
-    """Write a file whose name identifies its contents; if another process was faster, all is well.
+def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
+    """Write a file whole or not at all into a folder that is there; it is on the disk when this returns.
 
     Parameters
     ----------
     path : Path
+        A link is replaced, not followed.
     contents : bytes
+    mode : int
+        Of the file, less the umask.
 
     Raises
     ------
-    UserError
-        If it cannot be written and is not there.
+    OSError
+        If it cannot be written.
     """
+    # beside the target, so that replacing it is one step; of its own name, so that two writers do not mix
+    temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}.part")
     try:
-        write(path, contents)
-    except UserError:
-        if not path.exists():  # Windows refuses to replace a library that somebody has loaded
-            raise
+        with open(temporary, "xb", opener=functools.partial(os.open, mode=mode)) as file:
+            file.write(contents)
+            file.flush()
+            os.fsync(file.fileno())  # else a file may have its name, and after a power failure nothing in it
+        temporary.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise
+    _sync(path.parent)
+
+
+def _sync(folder: Path) -> None:
+    """Have the names in a folder on the disk, where the platform can; what they name is there already."""
+    if sys.platform == "win32":
+        return
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file; a name that no file can have, such as a far too long one, is none either."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

@@ -9,6 +9,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from fmus.kit.errors import UserError
+from fmus.kit.spelling import from_modelica
 
 if TYPE_CHECKING:
     import pint
@@ -55,8 +56,8 @@ def parse(unit: str) -> pint.Unit:
     Parameters
     ----------
     unit : str
-        Names that pint knows, as factors of products and quotients, with brackets and powers of up to two digits;
-        ``"1"`` and ``"%"`` are dimensionless.
+        Names that pint knows, as factors of products and quotients, with brackets and powers of up to two digits, or
+        the same in Modelica's grammar (``m/s2``, ``Ohm``); ``"1"`` and ``"%"`` are dimensionless.
 
     Returns
     -------
@@ -69,12 +70,38 @@ def parse(unit: str) -> pint.Unit:
     """
     if unit.strip() in ("", "1", "-", "–"):
         return registry().dimensionless
+    for spelt in (unit, from_modelica(unit[:_LONGEST])):
+        if (known := _known(spelt)) is not None:
+            return known
+    raise UserError(f"unknown unit {unit[:_LONGEST]!r}; write it like N, mm, N*s/m, ohm, degC")
+
+
+def _known(unit: str) -> pint.Unit | None:
+    """Read a unit as pint does; None if that cannot."""
+    if len(unit) > _LONGEST or not _WRITTEN.fullmatch(unit):
+        return None  # pint computes what it is given, and 9**9**9**9 takes for ever
     try:
-        if len(unit) > _LONGEST or not _WRITTEN.fullmatch(unit):
-            raise ValueError  # pint computes what it is given, and 9**9**9**9 takes for ever
         return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
-    except Exception as error:
-        raise UserError(f"unknown unit {unit[:_LONGEST]!r}; write it like N, mm, N*s/m, ohm, degC") from error
+    except Exception:
+        return None
+
+
+@lru_cache
+def familiar(unit: str) -> str:
+    """Write a unit of an FMU as everywhere else: ``N*m`` for ``N.m``, ``ohm`` for ``Ohm``.
+
+    Parameters
+    ----------
+    unit : str
+        As an FMU names it, in Modelica's grammar or not.
+
+    Returns
+    -------
+    str
+        `unit` as it is if pint does not know it: an FMU may name its units as it likes.
+    """
+    spelt = from_modelica(unit[:_LONGEST])
+    return spelt if _known(spelt) is not None else unit
 
 
 @lru_cache

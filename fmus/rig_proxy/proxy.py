@@ -24,7 +24,7 @@ _ENGINE = Engine(
     folder="fmus.rig_proxy.native",
     sources=tuple(f"{name}.c" for name in (*_NATIVE, "handshake", "pace", "variables", "outputs")),
     headers=tuple(f"{name}.h" for name in (*_NATIVE, "platform")),
-    libraries={"linux64": ("m",), "win64": ("ws2_32", "winmm")},
+    libraries={"linux64": ("m",), "aarch64-linux": ("m",), "win64": ("ws2_32", "winmm")},
 )
 
 

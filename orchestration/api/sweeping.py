@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from fmus.kit import Component
 from fmus.kit.errors import UserError, suggestion
 from orchestration.api.simulation import as_model, stimulus, values_of
+from orchestration.fmu.isolation.limits import DEFAULT, Limits
 from orchestration.fmu.model import Model
 from orchestration.sweeps.compiled import chosen
 from orchestration.sweeps.design import Design, design
@@ -46,6 +47,8 @@ def sweep(
     workers: int = 1,
     scheduler: str | None = None,
     folder: str | Path | None = None,
+    isolate: bool | None = False,
+    limits: Limits = DEFAULT,
     progress: Callable[[int, int], None] = lambda done, whole: None,
     check: Callable[[Task, Design], None] = lambda task, cases: None,
 ) -> xarray.Dataset:
@@ -77,6 +80,11 @@ def sweep(
     folder : str or Path, optional
         Keeps what is done, so that the same call goes on after an interrupt; it stays. Traces are read from there
         when they are used, so that they need not fit into memory.
+    isolate : bool, optional
+        Run the FMU in processes of their own, which it may end or hang in: that case fails, and the others go on. None:
+        if it is a file that somebody gave.
+    limits : Limits
+        Of such a process.
     progress : callable
         Told how many cases are done, and of how many.
     check : callable
@@ -125,7 +133,7 @@ def sweep(
         raise UserError(f"{twice} is swept, and set to one value besides")
     task = Task(
         subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep)),
-        chosen(subject, engine),
+        chosen(subject, engine), limits if (subject.foreign if isolate is None else isolate) else None,
     )  # fmt: skip
     check(task, cases)
     return run(subject, task, cases, workers, None if folder is None else Path(folder), progress, scheduler)
@@ -138,6 +146,8 @@ def sweep_file(
     workers: int = 1,
     scheduler: str | None = None,
     folder: str | Path | None = None,
+    isolate: bool | None = False,
+    limits: Limits = DEFAULT,
     progress: Callable[[int, int], None] = lambda done, whole: None,
     check: Callable[[Task, Design], None] = lambda task, cases: None,
     note: Callable[[str], None] = lambda line: None,
@@ -148,7 +158,7 @@ def sweep_file(
     ----------
     path : str or Path
         An experiment, what its parameters go through, and what is kept.
-    engine, workers, scheduler, folder, progress, check
+    engine, workers, scheduler, folder, isolate, limits, progress, check
         As in `sweep`.
     note : callable
         Told what else is worth knowing, such as inputs that stay at their start value.
@@ -177,5 +187,5 @@ def sweep_file(
     return sweep(
         asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=asked.kind,
         samples=asked.samples, seed=table.seed, outputs=asked.outputs, keep=asked.keep, engine=engine, workers=workers,
-        scheduler=scheduler, folder=folder, progress=progress, check=check,
+        scheduler=scheduler, folder=folder, isolate=isolate, limits=limits, progress=progress, check=check,
     ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip

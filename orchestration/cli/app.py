@@ -14,6 +14,7 @@ from typer.main import get_command
 
 from fmus.kit.errors import UserError
 
+_LONGEST = 300  # characters of a name that are shown
 _INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 # What there is: a line for ``ppy --help``, and the function or group of commands in a module beside this one.
 _COMMANDS = {
@@ -149,6 +150,9 @@ def main() -> None:
             _fail(error.format_message() + (f"  (see {context.command_path} --help)" if context else ""))
         if os.environ.get("PPY_DEBUG"):
             raise
+        if isinstance(error, OSError) and isinstance(error.filename, str):  # what the system says of a file
+            shown = error.filename if len(error.filename) < _LONGEST else f"{error.filename[:_LONGEST]}..."
+            _fail(f"{shown}: {error.strerror}")
         _fail(f"internal error, please report: {type(error).__name__}: {error}  (PPY_DEBUG=1 shows where)")
     sys.exit(code if isinstance(code, int) else 0)
 

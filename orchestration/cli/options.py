@@ -118,7 +118,7 @@ Platforms = Annotated[
     option(
         "--platforms",
         metavar="PLATFORMS",
-        help="linux64,win64,darwin64, or all that a compiler here can serve; default this machine's.",
+        help="linux64,win64,darwin64,aarch64-linux, or all that a compiler here can serve; default this machine's.",
     ),
 ]
 Stop = Annotated[float | None, option("--stop", metavar="TIME", help=f"Stop time, {_TIME}", parser=seconds)]

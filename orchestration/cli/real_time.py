@@ -162,9 +162,9 @@ def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
 def _rescued(data: xarray.Dataset, out: Path, live: Live) -> str:
     from orchestration.experiment import results
 
-    elsewhere = Path(tempfile.gettempdir()) / f"ppy-{data.attrs['created'].replace(':', '')}-{out.name}"
     try:
+        elsewhere = Path(tempfile.gettempdir()) / f"ppy-{data.attrs['created'].replace(':', '')}-{out.name}"
         results.write(data, elsewhere)
-    except UserError:
+    except (UserError, FileNotFoundError):
         return f"what went to the disk before is in {live.journal}"
     return f"the record is in {elsewhere}"

@@ -9,6 +9,7 @@ from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.files import is_file
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, NoiseTable, parse
 from orchestration.experiment.stimulus import KINDS
@@ -39,7 +40,7 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     """
     known = shipped()
     path = known.get(name_or_path, Path(name_or_path))
-    if not path.is_file():
+    if not is_file(path):
         hint = suggestion(name_or_path, known) if not path.suffix else ""
         raise UserError(f"{name_or_path}: {'a folder' if path.is_dir() else 'no such file or experiment'}{hint}")
     given = read_toml(path) if path.suffix.lower() == ".toml" else _from_result(path, not settings)
@@ -77,7 +78,7 @@ def _from_result(path: Path, again: bool) -> dict[str, Any]:
             given["inputs"][name] = {"kind": "file", "file": str(path.absolute()), "column": name}
     for table, key, _ in _files(given):
         beside = path.parent / PureWindowsPath(table[key]).name  # whatever system it was written on
-        if not (path.parent / table[key]).is_file() and beside.is_file():
+        if not is_file(path.parent / table[key]) and is_file(beside):
             table[key] = str(beside.absolute())
     return given
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import xarray
 from numpy.typing import NDArray
 
 from fmus.kit import units
+from fmus.kit.storage import scratch
 from orchestration.reporting import pictures
 from orchestration.reporting.page import Page
 
@@ -94,8 +94,8 @@ def page(data: xarray.Dataset, path: Path) -> None:
     made = Page(about["title"], state(data))
     if about["source"]:
         made.text(about["source"])
-    with tempfile.TemporaryDirectory(prefix="ppy-page-") as folder:
-        picture = Path(folder) / "signals.png"
+    with scratch.folder("page") as folder:
+        picture = folder / "signals.png"
         pictures.save(figure(data), picture)
         more = f" (the first {_MOST_PANELS} of {len(data)})" if len(data) > _MOST_PANELS else ""
         made.picture(picture, f"inputs and recorded outputs{more}")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import tempfile
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from pydantic import BaseModel, Json
 
 from fmus.kit import files
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 from orchestration.experiment.model import checked, parse
 from orchestration.fmu.signal import Signal
 from orchestration.records import write_record
@@ -76,8 +76,8 @@ def check(sketch: xarray.Dataset, path: Path) -> None:
     UserError
         Name and format.
     """
-    with tempfile.TemporaryDirectory(prefix="ppy-check-") as folder:
-        _write(sketch, Path(folder) / f"sketch{path.suffix}", str(path))
+    with scratch.folder("check") as folder:
+        _write(sketch, folder / f"sketch{path.suffix}", str(path))
 
 
 def write(data: xarray.Dataset, path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.storage import scratch
 from orchestration import master
 from orchestration.experiment.model import Experiment, Master
 from orchestration.fmu.archive import read_description
@@ -92,12 +92,12 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
     UserError
         If there is no such component, system, preset or effect, or an FMU cannot be read or built.
     """
-    with tempfile.TemporaryDirectory(prefix="ppy-system-") as folder:
+    with scratch.folder("system") as folder:
         try:
             if experiment.component is not None:
                 made_on = _component(experiment, experiment.component)
             else:
-                made_on = _system(experiment, str(experiment.system), Path(folder))
+                made_on = _system(experiment, str(experiment.system), folder)
         except UserError as error:
             raise UserError(f"{where}: {error}") from error
         yield made_on

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import zipfile
 from pathlib import Path
 from types import TracebackType
@@ -11,6 +9,7 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 from orchestration.fmu.bounded import FILE, TEXT, UNREADABLE, check_size, open_zip, parse_xml
 
 _DESCRIPTION = "modelDescription.xml"
@@ -139,7 +138,7 @@ def read_description(path: Path) -> Any:
 
 
 def unpack(path: Path) -> str:
-    """Unzip an FMU into a new temporary folder, which the caller removes.
+    """Unzip an FMU into a new folder of `scratch`, which the caller removes.
 
     Raises
     ------
@@ -152,15 +151,17 @@ def unpack(path: Path) -> str:
         if fmpy.platform not in archive.platforms:
             there = ", ".join(archive.platforms) or "none"
             raise UserError(f"{path}: no binary for {fmpy.platform}; it has {there}")
-    folder = tempfile.mkdtemp(prefix="ppy-fmu-")
+    folder = scratch.make("fmu")
     try:
-        fmpy.extract(str(path), folder)
+        fmpy.extract(str(path), str(folder))
     except BaseException as error:
-        shutil.rmtree(folder, ignore_errors=True)
+        scratch.remove(folder)
         if not isinstance(error, Exception):
             raise
+        if isinstance(error, OSError) and error.errno in scratch.NO_ROOM:
+            raise scratch.no_room(folder.parent, error) from error
         raise UserError(f"{path}: cannot be loaded ({first_line(error)})") from error
-    return folder
+    return str(folder)
 
 
 def first_line(error: Exception) -> str:

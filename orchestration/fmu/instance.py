@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
-from orchestration.fmu.calls import Transfer, bind, transfers
 from orchestration.fmu.isolation.box import noted
-from orchestration.fmu.opened import OpenedFmu
+from orchestration.fmu.shared_library.calls import Transfer, bind, transfers
+from orchestration.fmu.shared_library.opened import OpenedFmu
 from orchestration.fmu.signal import check_type, is_text, type_of
 
 Array = NDArray[np.float64]

@@ -99,11 +99,12 @@ def _load(path: Path) -> ModuleType:
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    if spec is None or spec.origin is None:
         raise UserError(f"{path}: is not a Python file")
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        # what was read, and no bytecode from beside it, which may be of another text, or damaged
+        exec(compile(text, spec.origin, "exec", dont_inherit=True), vars(module))
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, (KeyboardInterrupt, GeneratorExit)):

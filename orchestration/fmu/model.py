@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.files import is_file
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.effects import catalogue, find_effects
 from orchestration.fmu.loading import load_class, names_class
@@ -183,7 +184,7 @@ def _from_fmu(name: str) -> Model:
     from fmus import MODELS
 
     path = Path(name)
-    if not path.exists() and path.suffix != ".fmu":
+    if not is_file(path) and path.suffix != ".fmu":
         hint = suggestion(name, MODELS, few=0)
         raise UserError(
             f"no component named {name!r}{hint}; there are: {', '.join(MODELS)}; or name file.py:Class or an .fmu"

@@ -83,7 +83,7 @@ def read_signal(variable: Any) -> Signal:
         return Signal(variable.name, "string", "1", "1", 0.0, -math.inf, math.inf, doc, variable.start or "")
     low, high = number("min", attribute("min"), -math.inf), number("max", attribute("max"), math.inf)
     start = number("start", variable.start, 0.0)
-    display = attribute("displayUnit") or unit
+    unit, display = units.familiar(unit), units.familiar(attribute("displayUnit") or unit)
     return Signal(variable.name, type_of(variable), unit, display, start, low, high, doc)
 
 

@@ -9,9 +9,9 @@ solver grows with its reciprocal, so that of a ladder of steps those are best of
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, nullcontext
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from time import monotonic
 from types import SimpleNamespace, TracebackType
@@ -24,10 +24,12 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import Trajectory
 from orchestration.fmu.archive import read_description
+from orchestration.fmu.isolation.limits import Limits, limits_of
+from orchestration.fmu.isolation.pool import Pool
+from orchestration.fmu.isolation.process import Ended
 from orchestration.fmu.model import Model
 from orchestration.fmu.repeated import RepeatedFmu
 from orchestration.fmu.signal import Signal, Value
-from orchestration.fmu.workers import workers
 
 Array = NDArray[np.float64]
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
@@ -76,7 +78,7 @@ class FmuWithDifferences:
         self.runs = 0
         self._declared = {p.name: p for p in self.layout.parameters}
         self._path, self._names, self._outputs = model.path, list(names), list(outputs)
-        self._settings, self._workers = dict(settings or {}), workers
+        self._settings, self._workers, self._limits = dict(settings or {}), workers, limits_of(model.foreign)
         self._steps: dict[str, tuple[float, float]] = {}
         self._open, self._is_open = ExitStack(), False
         self._longest = np.inf  # s that a run may take
@@ -88,9 +90,11 @@ class FmuWithDifferences:
             yield
 
     def __enter__(self) -> FmuWithDifferences:
-        self._fmu = self._open.enter_context(RepeatedFmu(self._path))
-        if self._workers > 1:
-            self._pool = self._open.enter_context(workers(self._workers, _begin, self._path))
+        if self._limits is None:
+            self._fmu = self._open.enter_context(RepeatedFmu(self._path))
+        if self._limits is not None or self._workers > 1:
+            pool = Pool(self._limits or Limits(inf, inf), self._workers, _begin, self._path)
+            self._pool = self._open.enter_context(pool)
         self._is_open = True
         return self
 
@@ -189,12 +193,14 @@ class FmuWithDifferences:
         """Run the FMU with several values; what it refuses is in its place."""
         self.runs += len(wanted)
         jobs = [(*stimulus, self._settings | dict(values), self._outputs, self._longest) for values in wanted]
-        if self._workers == 1 or len(jobs) == 1:
+        if self._limits is None and (self._workers == 1 or len(jobs) == 1):
             return [_one(self._fmu, *job) for job in jobs]
+        found = [self._pool.submit(_work, job) for job in jobs]
         try:
-            return list(self._pool.map(_work, jobs))
-        except BrokenProcessPool:
-            raise UserError(f"{self._path.name}: a process that ran it ended by itself") from None
+            return [future.result() for future in found]
+        except Ended as end:
+            where = end.state.words(stimulus[0], self._path.name)
+            raise UserError(f"{where}: {end.reason}") from end
 
 
 def _begin(path: Path) -> None:

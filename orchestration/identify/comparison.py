@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.isolation.limits import limits_of
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value, numeric
 from orchestration.fmu.simulate import simulate
@@ -284,7 +285,7 @@ def _assess(
     measured: Mapping[str, Array],
     parameters: Mapping[str, Value],
 ) -> dict[str, GoodnessOfFit]:
-    simulated = simulate(model, time, inputs, parameters)
+    simulated = simulate(model, time, inputs, parameters, isolation=limits_of(model.foreign))
     assessed = {}
     for name, y in measured.items():
         residual = y - simulated[name]

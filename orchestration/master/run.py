@@ -16,16 +16,16 @@ from orchestration.fmu.isolation.box import keep
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.kernel.library import stepper
 from orchestration.fmu.signal import read_signal
-from orchestration.master.beside import Recorded, run_beside
 from orchestration.master.dependency_graph import describe
 from orchestration.master.executor import Executor
 from orchestration.master.initialization import enter, initialize
 from orchestration.master.instances import Clock, SavedState
 from orchestration.master.interrupt import Interrupt, deferred
+from orchestration.master.isolated.rows import Rows
+from orchestration.master.isolated.run import Recorded, run_beside
 from orchestration.master.kernel.run import KernelRun
 from orchestration.master.pacing import Pacer, RealTime
 from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
-from orchestration.master.rows import Rows
 from orchestration.master.schedule import Settings
 from orchestration.master.setup import check_abilities, disturbance_values, external_values, open_members, structure
 from orchestration.master.step_control import StepDoubling

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.storage import scratch
 from orchestration.fmu.archive import unpack
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.signal import type_of
@@ -37,7 +37,7 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
         path = member.fmu.resolve()
         if path not in folders:
             folders[path] = unpack(member.fmu)
-            opened.callback(shutil.rmtree, folders[path], ignore_errors=True)
+            opened.callback(scratch.remove, folders[path])
         fmu = Fmu(member.fmu, member.parameters, member.name, folders[path])
         once = fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         if once and any(other.fmu.path.resolve() == path for other in members):

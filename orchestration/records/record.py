@@ -21,6 +21,7 @@ REPAIRING_KINDS = frozenset(
     {"partial line", "missing time", "order", "duplicates", "filled hole", "masked", "infinite", "unit replaced"}
 )
 """Kinds of `Repair` that changed, dropped or reinterpreted data; all others only state a fact about it."""
+_LONGEST = 1000  # characters of a message
 
 
 @dataclass(frozen=True)
@@ -162,6 +163,7 @@ def refuse(path: Path, message: str) -> UserError:
     Returns
     -------
     UserError
-        Its text starts with the file.
+        Its text starts with the file, and is a line: what parsers of others say may hold pieces of the file.
     """
-    return UserError(f"{path}: {message}")
+    line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    return UserError(f"{path}: {line if len(line) <= _LONGEST else line[:_LONGEST] + '...'}")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 from orchestration.sweeps.crew import AHEAD, Part
 from orchestration.sweeps.parts import Parts
 from orchestration.sweeps.task import Outcomes, Repeated, Task, failed
@@ -215,7 +216,7 @@ def _close() -> None:
     global _open
     if _open is not None:
         _open[1].__exit__(None, None, None)
-        _open[2].cleanup()
+        scratch.remove(_open[2])
         _open = None
 
 
@@ -224,15 +225,24 @@ def _repeated(parcel: Parcel) -> Repeated:
     if _open is not None and _open[0] == parcel.digest:
         return _open[1]
     _close()
-    folder = tempfile.TemporaryDirectory(prefix="ppy-sweep-", ignore_cleanup_errors=True)
-    task, path = parcel.task, Path(folder.name) / parcel.task.path.name
-    path.write_bytes(parcel.fmu)
-    task = replace(task, path=path)
-    if task.equations:
-        library = Path(folder.name) / task.equations.library.name
-        library.write_bytes(parcel.library)
-        task = replace(task, equations=replace(task.equations, library=library))
-    repeated = Repeated(task)
-    repeated.__enter__()
+    folder = scratch.make("sweep")
+    try:
+        with scratch.written(folder):
+            repeated = Repeated(_written(parcel, folder))
+        repeated.__enter__()
+    except BaseException:
+        scratch.remove(folder)
+        raise
     _open = parcel.digest, repeated, folder
     return repeated
+
+
+def _written(parcel: Parcel, folder: Path) -> Task:
+    """Write the files of a task into a folder."""
+    task = replace(parcel.task, path=folder / parcel.task.path.name)
+    task.path.write_bytes(parcel.fmu)
+    if task.equations:
+        library = folder / task.equations.library.name
+        library.write_bytes(parcel.library)
+        task = replace(task, equations=replace(task.equations, library=library))
+    return task

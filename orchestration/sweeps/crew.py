@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.fmu.workers import workers
+from orchestration.fmu.isolation.limits import Limits
+from orchestration.fmu.isolation.pool import Pool
+from orchestration.fmu.isolation.process import Ended
 from orchestration.sweeps.parts import Parts
 from orchestration.sweeps.task import Outcomes, Repeated, Task, failed
 
@@ -45,26 +47,25 @@ def outcomes(task: Task, cases: Array, which: Sequence[int], count: int = 1) -> 
     UserError
         If the FMU cannot be opened.
     """
-    with Repeated(task) as one:  # what is wrong with the FMU is told here, in one line
-        if count == 1 or len(which) < 2:
-            parts = Parts(task, which)
-            while parts:
-                rows = parts.next()
-                found = one.run(cases[rows])
-                parts.took(len(rows), found.seconds)
-                yield rows, found
-            return
-    parts = Parts(task, which, count)
-    while parts:
-        for rows in (yield from _side_by_side(task, cases, parts, count)):
-            yield from _narrowed(task, cases, rows)
+    if task.limits is None or task.equations:
+        with Repeated(task) as one:  # what is wrong with the FMU is told here, in one line
+            if count == 1 or len(which) < 2:
+                parts = Parts(task, which)
+                while parts:
+                    rows = parts.next()
+                    found = one.run(cases[rows])
+                    parts.took(len(rows), found.seconds)
+                    yield rows, found
+                return
+    with _pool(task, count) as submit:
+        yield from _side_by_side(submit, task, cases, Parts(task, which, count), count)
 
 
 @contextmanager
 def _pool(task: Task, count: int) -> Iterator[Submit]:
     """Something that runs cases for whoever submits them."""
     if not task.equations:
-        with workers(count, _open, task) as processes:
+        with Pool(task.limits or Limits(inf, inf), count, _open, task) as processes:
             yield lambda values: processes.submit(_work, values)
         return
     with Repeated(task) as one, ThreadPoolExecutor(count) as threads:
@@ -74,44 +75,27 @@ def _pool(task: Task, count: int) -> Iterator[Submit]:
             threads.shutdown(wait=False, cancel_futures=True)
 
 
-def _side_by_side(task: Task, cases: Array, parts: Parts, count: int) -> Generator[Part, None, list[list[int]]]:
-    """Let workers run parts until all are done or a worker ends; returns parts that were under way then."""
+def _side_by_side(submit: Submit, task: Task, cases: Array, parts: Parts, count: int) -> Iterator[Part]:
+    """Let workers run parts until all are done, and halves of one whose worker ends until the case is found."""
     running: dict[Future[Outcomes], list[int]] = {}
-    try:
-        with _pool(task, count) as submit:
-            while parts or running:
-                while parts and len(running) < AHEAD * count:
-                    rows = parts.next()
-                    try:
-                        running[submit(cases[rows])] = rows
-                    except BrokenProcessPool:  # a worker has ended, and nothing more is taken
-                        parts.back(rows)
-                        raise
-                done, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in done:
-                    found = future.result()
-                    rows = running.pop(future)
-                    parts.took(len(rows), found.seconds)
-                    yield rows, found
-    except BrokenProcessPool:
-        return [*running.values()]
-    return []
-
-
-def _narrowed(task: Task, cases: Array, rows: list[int]) -> Iterator[Part]:
-    """Run cases in a worker of their own, and halves of them if it ends, until the one is found that ends it."""
-    try:
-        with _pool(task, 1) as submit:
-            found = submit(cases[rows]).result()
-    except BrokenProcessPool:
-        if len(rows) == 1:
-            yield rows, failed(task, f"{task.path.name}: the process that ran it ended")
-            return
-        half = len(rows) // 2
-        for part in (rows[:half], rows[half:]):
-            yield from _narrowed(task, cases, part)
-        return
-    yield rows, found
+    suspects: list[list[int]] = []
+    while parts or running or suspects:
+        while (parts or suspects) and len(running) < AHEAD * count:
+            rows = suspects.pop() if suspects else parts.next()
+            running[submit(cases[rows])] = rows
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in done:
+            rows = running.pop(future)
+            try:
+                found = future.result()
+            except Ended as end:
+                half = len(rows) // 2
+                suspects += [part for part in (rows[:half], rows[half:]) if half]
+                if not half:
+                    yield rows, failed(task, f"{end.state.words(task.time, task.path.name)}: {end.reason}")
+                continue
+            parts.took(len(rows), found.seconds)
+            yield rows, found
 
 
 def _open(task: Task) -> None:

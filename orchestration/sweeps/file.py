@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from fmus.kit.errors import UserError
+from fmus.kit.files import is_file
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, checked, parse
 from orchestration.experiment.preparation import prepare
@@ -105,7 +106,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> A
         If the file cannot be read, or something in it is wrong: one line.
     """
     where = str(path)
-    if not path.is_file():
+    if not is_file(path):
         raise UserError(f"{where}: {'a folder' if path.is_dir() else 'no such file'}")
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
     stated = _experiment(table.experiment, path)
@@ -141,7 +142,7 @@ def _experiment(given: str | dict[str, Any], path: Path) -> Experiment:
     if isinstance(given, dict):
         return parse(given, f"{path}: experiment", str(path.parent))
     beside = path.parent / given
-    return read(str(beside) if given not in shipped() and beside.is_file() else given)
+    return read(str(beside) if given not in shipped() and is_file(beside) else given)
 
 
 def _without(experiment: Experiment, swept: Mapping[str, Any]) -> Experiment:

@@ -38,10 +38,6 @@ class Parts:
         size = min(self._size, -(-len(self._left) // (2 * self._count)))
         return [self._left.popleft() for _ in range(size)]
 
-    def back(self, rows: Sequence[int]) -> None:
-        """Take rows back that nobody runs."""
-        self._left.extendleft(reversed(rows))
-
     def took(self, cases: int, seconds: float) -> None:
         """Learn how long some cases took."""
         wanted = int(SECONDS * cases / max(seconds, 1e-9))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,6 +12,7 @@ import xarray
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Signal
@@ -64,7 +64,7 @@ def run(
         check_memory(task, cases)
     guid = read_description(task.path).guid
     with ExitStack() as stack:
-        place = folder or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ppy-sweep-")))
+        place = folder or stack.enter_context(scratch.folder("sweep"))
         check(place)
         stack.enter_context(held(place))
         journal = Journal(place, task, cases.cases, guid)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.repeated import RepeatedFmu
 from orchestration.fmu.signal import Value
 from orchestration.sweeps.compiled import CompiledCases, Equations
@@ -42,6 +43,8 @@ class Task:
         Reductions, r of them, and ``trace`` for the whole course.
     equations : Equations, optional
         Compiled code that runs the cases; else the FMU does.
+    limits : Limits, optional
+        Of a process beside this one in which the FMU runs; else it may run in this one.
     """
 
     path: Path
@@ -52,6 +55,7 @@ class Task:
     outputs: tuple[str, ...]
     keep: tuple[str, ...]
     equations: Equations | None = None
+    limits: Limits | None = None
 
     @property
     def engine(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 from rich.table import Table
 
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 from orchestration.reporting import console, pictures
 from orchestration.reporting.page import Page
 from orchestration.thesis import chapters
@@ -56,8 +56,8 @@ def run(out: Path) -> Path:
         )
         drawings = chapters.illustrations()
         done, count = 0, sum(map(len, drawings.values()))
-        with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-            picture = Path(folder) / "picture.png"
+        with scratch.folder("page") as folder:
+            picture = folder / "picture.png"
             for title, claims in by_chapter.items():
                 page.heading(title)
                 page.parts.append(_table(claims))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -107,8 +108,14 @@ def ranges(archive) -> list[tuple[str, str, float, float]]:
     for v in fmpy.read_model_description(str(archive), validate=False).modelVariables:
         if v.causality == "parameter" and (v.min is not None or v.max is not None):
             low, high = (math.inf * sign if text is None else float(text) for text, sign in ((v.min, -1), (v.max, 1)))
-            found.append((v.name, "" if v.unit in (None, "1") else f" {v.unit}", low, high))
+            found.append((v.name, "" if v.unit in (None, "1") else f" {told(v.unit)}", low, high))
     return found
+
+
+def told(unit: str) -> str:
+    """A unit as messages have it: ``N*m`` and ``ohm``, where the description has Modelica's ``N.m`` and ``Ohm``."""
+    unit = re.sub(r"/\((.*)\)", lambda found: "/" + found[1].replace(".", "/"), unit)
+    return re.sub(r"(?<=[A-Za-z])(?=\d)", "^", unit).replace(".", "*").replace("Ohm", "ohm")
 
 
 def beyond(bound: float, sign: int, kind: str) -> float:

@@ -67,7 +67,7 @@ _ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
 _FOOT = (
     "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N "
     "an_length m po_length m do_length m pl_length m an_length_change m an_length_rate m/s toe_x m toe_y m "
-    "ankle_torque N*m tm_torque N*m mtp_torque N*m toe_compliance_xx m/N toe_damping_xx N*s/m "
+    "ankle_torque N.m tm_torque N.m mtp_torque N.m toe_compliance_xx m/N toe_damping_xx N.s/m "
     "ankle_angle rad tm_angle rad mtp_angle rad ankle_rate rad/s tm_rate rad/s mtp_rate rad/s"
 )
 SUBJECTS = {
@@ -103,7 +103,7 @@ SUBJECTS = {
         {"current": 0.9, "voltage": 0.5},
         "voltage_limit",
         {"initial_voltage_limit": 1.2, "R1_start": 0.4, "forgetting_time": 100.0},
-        "current A voltage V R1 ohm R2 ohm C F impedance ohm impedance_change 1 voltage_limit V estimate_valid -",
+        "current A voltage V R1 Ohm R2 Ohm C F impedance Ohm impedance_change 1 voltage_limit V estimate_valid -",
     ),
     "foot": Subject({"po_tension": 1.0, "ankle_angle": 0.1}, "toe_x", {"l1": 0.052, "k_an": 8000.0}, _FOOT),
     "foot_dynamic": Subject(

@@ -11,11 +11,11 @@ import pytest
 
 from tests.contract.subjects import actuators_only
 
-# Exponents of SI base units, worked out by hand: C = A s, V = W/A, ohm = V/A, F = C/V, H = V s/A, N = kg m/s^2.
+# Exponents of SI base units, worked out by hand: C = A s, V = W/A, Ohm = V/A, F = C/V, H = V s/A, N = kg m/s^2.
 AMPERE, METRE, SECOND, KILOGRAM, RADIAN = ({unit: 1} for unit in ("A", "m", "s", "kg", "rad"))
 BASE = {
     "1": {}, "A": AMPERE, "m": METRE, "s": SECOND, "kg": KILOGRAM, "rad": RADIAN, "C": {"A": 1, "s": 1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "Ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
     "F": {"kg": -1, "m": -2, "s": 4, "A": 2}, "Hz": {"s": -1}, "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "N": {"kg": 1, "m": 1, "s": -2},
 }  # fmt: skip
@@ -35,12 +35,20 @@ POSITIVE = {
 
 
 def exponents(unit: str) -> dict[str, int]:
-    """SI exponents of a product of units such as ``N*s/m``: after each slash, one factor is divided by."""
+    """SI exponents of a unit in the grammar of the Modelica language (specification 3.6, chapter 19).
+
+    One numerator, at most one denominator, which is in brackets if it has several factors; factors have points between
+    them, powers stand behind their names.
+    """
+    factor = r"[A-Za-z]+(?:-?[1-9])?"
+    product = rf"{factor}(?:\.{factor})*"
+    match = re.fullmatch(rf"(1|{product})(?:/(?:({factor})|\(({factor}\.{product})\)))?", unit)
+    assert match, f"{unit!r} is not in the grammar of Modelica"
     total: dict[str, int] = {}
-    for sign, factor in re.findall(r"([*/]?)([^*/]+)", unit):
-        name, _, power = factor.partition("^")
-        for base, exponent in BASE[name].items():
-            total[base] = total.get(base, 0) + (-1 if sign == "/" else 1) * exponent * int(power or 1)
+    for sign, part in ((1, match[1]), (-1, match[2] or match[3] or "")):
+        for name, power in re.findall(r"([A-Za-z]+)(-?\d)?", part):
+            for base, exponent in BASE[name].items():
+                total[base] = total.get(base, 0) + sign * exponent * int(power or 1)
     return {base: exponent for base, exponent in total.items() if exponent}
 
 
@@ -99,6 +107,7 @@ def test_types_are_defined_and_agree_with_their_variables(root):
         assert kind.attrib["unit"] == real.attrib["unit"], name
         assert kind.attrib.get("displayUnit") == real.attrib.get("displayUnit"), name
     assert declared == set(types)
+    assert not [name for name in types if re.search(r"\s", name)], "Modelica tools make identifiers of them"
 
 
 def test_physical_parameters_have_ranges_around_their_default(root, name):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from ctypes import byref
+import struct
+from ctypes import byref, c_void_p
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from fmus import COMPONENTS
 from tests.contract import checks
 from tests.contract.checks import STEPS
 from tests.contract.models import Oscillator, Sampler
-from tests.contract.raw import OK, Instance, Library, doubles, instance, integers, unzipped
+from tests.contract.raw import ERROR, OK, Instance, Library, doubles, instance, integers, unzipped
 from tests.contract.schedule import continuation, go, schedule
 from tests.support import hosts
 
@@ -55,6 +56,41 @@ def test_a_snapshot_that_is_reused_holds_the_newer_state(model):
         moves, time = schedule(one.library, 2, STEPS), one.time
         first = go(one, moves)
         assert continuation(one, state, time, moves) == first
+        one.forget(state)
+
+
+def test_a_state_begins_with_a_pointer_that_may_be_freed(model):
+    """Which fmusim does: it takes the state for a pointer to one."""
+    with instance(model) as one:
+        one.initialize()
+        go(one, schedule(one.library, 1, STEPS))
+        saved, time = one.save(), one.time
+        restored = one.deserialize(one.serialize(saved))
+        moves, trails = schedule(one.library, 2, STEPS), [go(one, schedule(one.library, 2, STEPS))]
+        for state in (saved, restored):
+            assert c_void_p.from_address(state.value).value is None
+            trails.append(continuation(one, state, time, moves))
+            one.forget(state)
+    assert trails[0] == trails[1] == trails[2]
+
+
+def test_a_state_serialized_by_a_former_version_is_refused(model):
+    """States began with the word that is the second now: eight bytes less, with their size in the third word."""
+    with instance(model) as one:
+        one.initialize()
+        block = one.serialize(one.save())
+        words = list(struct.unpack_from("=4Q", block))
+        assert (words[0], words[3]) == (0, len(block))
+        former = struct.pack("=3Q", words[1], words[2], len(block) - 8) + block[32:]
+        padded = former + bytes(8)
+        state = c_void_p()
+        for given in (former, padded, b"\1" + block[1:]):
+            one.messages.clear()
+            assert one.call("fmi2DeSerializeFMUstate", given, len(given), byref(state)) == ERROR
+            (message,) = one.messages
+            assert "not a state of" in message
+        assert state.value is None
+        one.do("fmi2DeSerializeFMUstate", block, len(block), byref(state))
         one.forget(state)
 
 

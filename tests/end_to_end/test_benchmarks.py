@@ -17,6 +17,7 @@ from benchmarks import (
     coupling,
     diagnosing,
     importing,
+    isolating,
     kernel,
     machine,
     mapping,
@@ -74,6 +75,13 @@ def test_kernel_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(kernel, "bare_loop", lambda *arguments: lambda: 2.0 * plain(*arguments)())
     with pytest.raises(RuntimeError, match="the kernel and the loops differ"):
         kernel.measure(quick=True)
+
+
+def test_isolation() -> None:
+    topic = isolating.measure(quick=True)
+    (table,) = topic.tables
+    assert list(rows(table)) == [stepping.NATIVE, stepping.YARDSTICK]
+    assert str(topic).count("more a step (target 10") == 2
 
 
 def test_pacing() -> None:

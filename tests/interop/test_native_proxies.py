@@ -21,6 +21,7 @@ pytestmark = pytest.mark.skipif(
 # What every machine with the system has: glibc, the Windows API with Winsock and its timers, libSystem.
 OF_THE_SYSTEM = {
     "linux64": {"libm.so.6", "libc.so.6", "libpthread.so.0", "ld-linux-x86-64.so.2", "libdl.so.2"},
+    "aarch64-linux": {"libm.so.6", "libc.so.6", "libpthread.so.0", "ld-linux-aarch64.so.1", "libdl.so.2"},
     "win64": {"kernel32.dll", "ws2_32.dll", "winmm.dll", "msvcrt.dll"},
     "darwin64": {"/usr/lib/libsystem.b.dylib"},
 }

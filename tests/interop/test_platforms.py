@@ -7,10 +7,13 @@ import re
 import shutil
 import struct
 import subprocess
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import fmpy
+import numpy as np
 import pytest
 
 from fmus import component
@@ -37,7 +40,9 @@ EXCHANGE_ONLY = {
 }  # fmt: skip
 
 
-PLATFORMS = ("linux64", "win64", "darwin64")
+LINUX = {"linux64": "Advanced Micro Devices X86-64", "aarch64-linux": "AArch64"}  # as readelf calls processors
+PLATFORMS = (*LINUX, "win64", "darwin64")
+ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")  # of Debian's libc6-arm64-cross
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +64,7 @@ def binary(built, tmp_path, runtime) -> Callable[[str], Path]:
     """File of the binary for a platform."""
 
     def path(platform: str) -> Path:
-        extension = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib"}[platform]
+        extension = {"win64": ".dll", "darwin64": ".dylib"}.get(platform, ".so")
         with zipfile.ZipFile(built(runtime, platform)) as archive:
             return Path(archive.extract(f"binaries/{platform}/{NAME}{extension}", tmp_path))
 
@@ -87,8 +92,9 @@ def test_binary_offers_the_functions_of_fmi_and_no_others(binary, platform):
 # --- Linux ----------------------------------------------------------------------------------------------------------
 
 
-def test_linux_binary_needs_the_c_library_only(binary, runtime):
-    dynamic = binutils("readelf", "-dW", str(binary("linux64")))
+@pytest.mark.parametrize("linux", LINUX)
+def test_linux_binary_needs_the_c_library_only(binary, linux, runtime):
+    dynamic = binutils("readelf", "-dW", str(binary(linux)))
     needed = set(re.findall(r"\(NEEDED\).*\[(.*)\]", dynamic))
     # libdl is glibc's own; the Python build looks for Python through it
     assert needed <= {"libc.so.6", "libm.so.6"} | ({"libdl.so.2"} if runtime == "python" else set())
@@ -97,21 +103,59 @@ def test_linux_binary_needs_the_c_library_only(binary, runtime):
     assert "TEXTREL" not in dynamic
 
 
-def test_linux_binary_runs_on_any_glibc_since_2_17(binary):
-    wanted = re.findall(r"GLIBC_([\d.]+)", binutils("readelf", "-VW", str(binary("linux64"))))
+@pytest.mark.parametrize("linux", LINUX)
+def test_linux_binary_runs_on_any_glibc_since_2_17(binary, linux):
+    wanted = re.findall(r"GLIBC_([\d.]+)", binutils("readelf", "-VW", str(binary(linux))))
     assert wanted
     assert max(tuple(map(int, version.split("."))) for version in wanted) <= (2, 17)
 
 
-def test_linux_binary_has_no_symbol_of_python(binary):
-    symbols = binutils("readelf", "--dyn-syms", "-W", str(binary("linux64")))
+@pytest.mark.parametrize("linux", LINUX)
+def test_linux_binary_has_no_symbol_of_python(binary, linux):
+    symbols = binutils("readelf", "--dyn-syms", "-W", str(binary(linux)))
     assert "fmi2DoStep" in symbols
     assert not re.search(r"\b_?Py", symbols)
 
 
-def test_linux_binary_has_no_executable_stack(binary):
-    segments = binutils("readelf", "-lW", str(binary("linux64")))
+@pytest.mark.parametrize("linux", LINUX)
+def test_linux_binary_has_no_executable_stack(binary, linux):
+    segments = binutils("readelf", "-lW", str(binary(linux)))
     assert re.search(r"GNU_STACK.*\bRW\s", segments)
+
+
+@pytest.mark.parametrize("linux", LINUX)
+def test_linux_binary_is_for_its_processor(binary, linux):
+    header = binutils("readelf", "-hW", str(binary(linux)))
+    assert re.search(rf"Machine:\s+{LINUX[linux]}$", header, re.M)
+    assert re.search(r"Type:\s+DYN", header)
+
+
+def test_arm_binary_gives_the_numbers_of_the_other(built, tmp_path):
+    emulator = shutil.which("qemu-aarch64") or shutil.which("qemu-aarch64-static")
+    if emulator is None:
+        pytest.skip("qemu-user, which runs programs for ARM, is not installed")
+    if not (ARM_LIBRARIES / "lib" / "ld-linux-aarch64.so.1").exists():
+        pytest.skip("libc6-arm64-cross, the C library for ARM, is not installed")
+    host = tmp_path / "c_host"
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-gnu.2.17", f"-I{hosts.HEADERS}"]
+    subprocess.run([*command, str(hosts.TESTS / "c" / "c_host.c"), "-o", str(host), "-ldl"], check=True)
+    time, inputs, outputs = np.linspace(0.0, 5.0, 51), {"current": 0.4, "force": 1.0}, ["voltage", "displacement"]
+    expected = hosts.run_c_host(built("native", "linux64"), time, inputs, outputs)
+    with zipfile.ZipFile(built("native", "aarch64-linux")) as archive:
+        archive.extractall(tmp_path)
+    description = fmpy.read_model_description(str(built("native", "aarch64-linux")), validate=False)
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    plan = [0, len(inputs), *(f"r {references[name]}" for name in inputs)]
+    plan += [len(outputs), *(f"r {references[name]}" for name in outputs), len(time)]
+    plan += [f"{t!r} {' '.join(map(str, inputs.values()))}" for t in time.tolist()]
+    library = tmp_path / "binaries" / "aarch64-linux" / f"{NAME}.so"
+    run = [emulator, "-L", str(ARM_LIBRARIES), str(host), str(library), description.guid, "file:///nowhere"]
+    done = subprocess.run(run, input="\n".join(map(str, plan)), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = np.array([line.split() for line in done.stdout.splitlines()], dtype=float).T
+    assert np.ptp(found) > 0.0
+    for row, name in zip(found, outputs, strict=True):  # exp of the C library may differ in the last bit
+        assert row == pytest.approx(expected[name], rel=1e-12), name
 
 
 # --- Windows --------------------------------------------------------------------------------------------------------
@@ -157,6 +201,23 @@ def test_macos_binary_is_universal(binary):
     assert set(machines) == {0x01000007, 0x0100000C}  # CPU_TYPE_X86_64, CPU_TYPE_ARM64
     assert read_library(data).machines == ("x86_64", "arm64")
     assert read_library(data).needs == ("/usr/lib/libSystem.B.dylib",)
+
+
+def test_macos_binary_asks_for_no_newer_system_than_it_needs(binary):
+    """macOS 11 is the first on ARM; on x86-64, 10.13 of 2017 has every function that is called."""
+    data = binary("darwin64").read_bytes()
+    wanted = {}
+    for k in range(2):
+        kind, _, offset, _, _ = struct.unpack_from(">5I", data, 8 + 20 * k)
+        at = offset + 32
+        for _ in range(struct.unpack_from("<I", data, offset + 16)[0]):
+            command, size = struct.unpack_from("<II", data, at)
+            if command == 0x24:  # LC_VERSION_MIN_MACOSX
+                wanted[kind] = struct.unpack_from("<I", data, at + 8)[0]
+            elif command == 0x32:  # LC_BUILD_VERSION
+                wanted[kind] = struct.unpack_from("<I", data, at + 12)[0]
+            at += size
+    assert wanted == {0x01000007: 10 << 16 | 13 << 8, 0x0100000C: 11 << 16}
 
 
 def test_arm_part_of_the_macos_binary_is_signed(binary):

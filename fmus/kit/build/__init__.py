@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus.kit import files
 from fmus.kit.build import archive, toolchain
 from fmus.kit.build.contents import documents
 from fmus.kit.build.package import python_package
 from fmus.kit.build.toolchain import available_platforms
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
+from fmus.kit.storage import cache
 
 __all__ = ["RUNTIMES", "STOCK", "Plan", "available_platforms", "build", "build_cached", "plan", "version"]
 
@@ -143,19 +143,20 @@ def build_cached(cls: type[Component], runtime: str) -> Path:
     Returns
     -------
     Path
-        In a folder that is named after the GUID, hence after all that is in the FMU.
+        In a folder that is named after the GUID and how its library is compiled, hence after all that is in the FMU.
 
     Raises
     ------
     UserError
         See :func:`build`.
     """
+    from fmus.kit.build.sources import library_key
+
     planned = plan(cls, runtime)
     target = toolchain.host_platform()
-    path = toolchain.cache_folder() / f"{planned.guid.strip('{}')}-{target}" / f"{cls.name}.fmu"
-    if not path.exists():
-        files.write_once(path, _packed(planned, [target], lambda text: None))
-    return path
+    key = library_key(planned.sources, planned.libraries.get(target, ()), target)
+    name = f"{planned.guid.strip('{}')}-{key}/{cls.name}.fmu"
+    return cache.entry(name, lambda: _packed(planned, [target], lambda text: None))
 
 
 def _check(runtime: str, known: Sequence[str]) -> None:

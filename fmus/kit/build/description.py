@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit import units
+from fmus.kit.build.date import generation_date
 from fmus.kit.build.provenance import annotate
 from fmus.kit.build.xml import serialized
 from fmus.kit.component import Component
@@ -19,6 +20,7 @@ from fmus.kit.declare import (
     StateDeclaration,
 )
 from fmus.kit.layout import Layout
+from fmus.kit.spelling import to_modelica
 from fmus.kit.symbolic.structure import dependencies
 from fmus.kit.symbolic.trace import Graph
 
@@ -30,7 +32,11 @@ _QUANTITIES = {
     "K": "Temperature",
 }  # fmt: skip
 
-_OURS = {"author": "the ppy-rig project", "license": "BSD-3-Clause"}
+_OURS = {
+    "author": "the ppy-rig project",
+    "copyright": "Copyright (c) 2026, the ppy-rig authors",
+    "license": "BSD-3-Clause",
+}
 
 CATEGORIES = {
     "logStatusWarning": "something questionable was accepted",
@@ -82,7 +88,8 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     text = ". ".join([summary, *cls.remark.splitlines()])
     root = Element(
         "fmiModelDescription", fmiVersion="2.0", modelName=cls.name, guid=guid, description=text,
-        version=version, generationTool=f"ppy-rig {version}", variableNamingConvention="structured",
+        version=version, generationTool=f"ppy-rig {version}", generationDateAndTime=generation_date(),
+        variableNamingConvention="structured",
     )  # fmt: skip
     root.attrib |= _origin(cls)
     cosimulation = SubElement(
@@ -110,10 +117,10 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
 
 
 def _origin(cls: type[Component]) -> dict[str, str]:
-    """Author and licence as the class declares them; ours need not, if nothing of somebody else is in them."""
+    """Author, copyright and licence, as the class declares them or ours where nothing of somebody else is in it."""
     package = __package__.partition(".")[0]
     ours = all(part.__module__.partition(".")[0] == package for part in cls.__mro__ if part is not object)
-    declared = {"author": cls.author, "license": cls.license}
+    declared = {"author": cls.author, "copyright": cls.copyright, "license": cls.license}
     return {name: text or _OURS[name] for name, text in declared.items() if text or ours}
 
 
@@ -134,20 +141,15 @@ def _units(root: Element, layout: Layout) -> None:
         displays.setdefault(variable.unit, set()).update([variable.display] if variable.display else [])
         types.setdefault(_type_name(variable), variable)
     definitions = SubElement(root, "UnitDefinitions")
-    for unit in sorted(displays):
-        node = SubElement(definitions, "Unit", name=unit)
-        base = units.base_unit(unit)
-        attributes = {name: str(power) for name, power in sorted(base.exponents.items())}
-        if base.factor != 1.0:
-            attributes["factor"] = _number(base.factor)
-        if base.offset:
-            attributes["offset"] = _number(base.offset)
-        SubElement(node, "BaseUnit", attributes)
+    defined: dict[str, Element] = {}
+    for unit in sorted(
+        displays, key=to_modelica
+    ):  # two that are the same in Modelica, such as m/s/s and m/s^2, are one
+        name = to_modelica(unit)
+        if name not in defined:
+            defined[name] = _define(SubElement(definitions, "Unit", name=name), unit)
         for display in sorted(displays[unit]):
-            # FMI: display value = factor * value + offset
-            offset = units.convert(0.0, unit, display)
-            factor = units.convert(1.0, unit, display) - offset
-            SubElement(node, "DisplayUnit", name=display, factor=_number(factor), offset=_number(offset))
+            _display(defined[name], unit, display)
     if types:
         definitions = SubElement(root, "TypeDefinitions")
         for name in sorted(types):
@@ -155,16 +157,39 @@ def _units(root: Element, layout: Layout) -> None:
             SubElement(node, "Real", {"quantity": _quantity(types[name].unit)} | _unit_attributes(types[name]))
 
 
+def _define(node: Element, unit: str) -> Element:
+    base = units.base_unit(unit)
+    attributes = {name: str(power) for name, power in sorted(base.exponents.items())}
+    if base.factor != 1.0:
+        attributes["factor"] = _number(base.factor)
+    if base.offset:
+        attributes["offset"] = _number(base.offset)
+    SubElement(node, "BaseUnit", attributes)
+    return node
+
+
+def _display(node: Element, unit: str, display: str) -> None:
+    name = to_modelica(display)
+    if node.find(f"DisplayUnit[@name='{name}']") is not None:
+        return
+    # FMI: display value = factor * value + offset
+    offset = units.convert(0.0, unit, display)
+    factor = units.convert(1.0, unit, display) - offset
+    SubElement(node, "DisplayUnit", name=name, factor=_number(factor), offset=_number(offset))
+
+
 def _quantity(unit: str) -> str:
-    return _QUANTITIES.get(unit, unit)
+    return _QUANTITIES.get(unit, to_modelica(unit))
 
 
 def _type_name(variable: Declaration) -> str:
-    return _quantity(variable.unit) + (f" in {variable.display}" if variable.display else "")
+    name = _quantity(variable.unit) + (f"_in_{to_modelica(variable.display)}" if variable.display else "")
+    return name.replace(" ", "_")
 
 
 def _unit_attributes(variable: Declaration) -> dict[str, str]:
-    return {"unit": variable.unit} | ({"displayUnit": variable.display} if variable.display else {})
+    display = {"displayUnit": to_modelica(variable.display)} if variable.display else {}
+    return {"unit": to_modelica(variable.unit)} | display
 
 
 _KINDS = {
@@ -215,7 +240,7 @@ def _variables(root: Element, cls: type[Component]) -> None:
             description=f"time derivative of {layout.states[index].name}",
             causality="local", variability="continuous", initial="calculated",
         )  # fmt: skip
-        SubElement(node, "Real", unit=unit, derivative=str(first_state + index + 1))
+        SubElement(node, "Real", unit=to_modelica(unit), derivative=str(first_state + index + 1))
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(
             parent, "ScalarVariable", name=parameter.name, valueReference=str(reference), description=parameter.doc,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fmus.kit import files
 from fmus.kit.build import toolchain
+from fmus.kit.errors import UserError
+from fmus.kit.storage import cache, scratch
 
 
 def library(sources: Mapping[str, bytes], unit: str, target: str, libraries: Sequence[str] = ()) -> Path:
@@ -28,22 +29,61 @@ def library(sources: Mapping[str, bytes], unit: str, target: str, libraries: Seq
     Returns
     -------
     Path
-        Named after all that goes into it, the compiler and its options included.
+        Named after all that goes into it, and sound; see :func:`load`.
 
     Raises
     ------
     UserError
         If there is no compiler for the platform, or it fails.
     """
-    told = [toolchain.find_compiler(target).version, target, unit, *toolchain.FLAGS, *libraries]
+
+    def made() -> bytes:
+        with scratch.folder("sources") as folder:
+            with scratch.written(folder):
+                for name, contents in sources.items():
+                    (folder / name).write_bytes(contents)
+            return toolchain.compile_library([folder / unit], [folder], target, libraries=libraries)
+
+    name = f"library-{key(sources, unit, target, libraries)}{toolchain.EXTENSIONS[target]}"
+    return cache.entry(name, made)
+
+
+def key(sources: Mapping[str, bytes], unit: str, target: str, libraries: Sequence[str] = ()) -> str:
+    """Digest of all that goes into a library: the sources, the compiler, its version and its options.
+
+    Parameters
+    ----------
+    sources, unit, target, libraries
+        See :func:`library`.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    UserError
+        If there is no compiler for the platform.
+    """
+    compiler = toolchain.find_compiler(target)
+    told = [compiler.version, target, unit, *map(repr, compiler.options(target, libraries))]
     digest = hashlib.sha256("\0".join(told).encode())
     for name in sorted(sources):
         digest.update(b"\0" + name.encode() + b"\0" + hashlib.sha256(sources[name]).digest())
-    path = toolchain.cache_folder() / f"library-{digest.hexdigest()[:32]}{toolchain.EXTENSIONS[target]}"
-    if not path.exists():
-        with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-            for name, contents in sources.items():
-                (Path(folder) / name).write_bytes(contents)
-            made = toolchain.compile_library([Path(folder) / unit], [Path(folder)], target, libraries=libraries)
-        files.write_once(path, made)
-    return path
+    return digest.hexdigest()[:32]
+
+
+def load(path: Path) -> ctypes.CDLL:
+    """Load a library; one from the cache only if it is still what was written there.
+
+    Raises
+    ------
+    UserError
+        If it is not, or cannot be loaded.
+    """
+    if path.parent == cache.folder() and not cache.is_sound(path):
+        raise UserError(f"{path}: was damaged since it was compiled; begin again, and it is compiled anew")
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be loaded ({error})") from error

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
+from fmus.kit.build import library_cache, toolchain
 from fmus.kit.component import Component
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import Graph
@@ -28,6 +27,7 @@ class EngineSources:
     ----------
     headers, sources : tuple of Path
     generated : tuple of str
+        What the unit includes of it, beside the tables that ``engine.h`` includes.
     libraries : Mapping of str to tuple of str
         By FMI platform.
     """
@@ -39,13 +39,16 @@ class EngineSources:
 
 
 def _unix(library: str) -> dict[str, tuple[str, ...]]:
-    return {"linux64": (library,), "darwin64": (library,)}
+    return dict.fromkeys(("linux64", "darwin64", "aarch64-linux"), (library,))
 
 
-_NATIVE = EngineSources(
-    (FOLDER / "native.h",), (FOLDER / "native.c", FOLDER / "integrate.c"), ("model.c", "laws.c"), _unix("m")
+_NATIVE = EngineSources((FOLDER / "native.h",), (FOLDER / "native.c", FOLDER / "integrate.c"), ("laws.c",), _unix("m"))
+_PYTHON = EngineSources(
+    (FOLDER / "python.h",),
+    tuple(FOLDER / name for name in ("python.c", "library.c", "interpreter.c", "resources.c")),
+    (),
+    _unix("dl"),
 )
-_PYTHON = EngineSources((FOLDER / "python.h",), (FOLDER / "python.c", FOLDER / "library.c"), ("model.c",), _unix("dl"))
 
 
 def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
@@ -65,7 +68,7 @@ def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
         return _PYTHON if runtime == "python" else _NATIVE
     folder = Path(next(iter(import_module(own.folder).__path__)))
     headers, sources = (tuple(folder / name for name in names) for names in (own.headers, own.sources))
-    return EngineSources(headers, sources, ("model.c",), own.libraries)
+    return EngineSources(headers, sources, (), own.libraries)
 
 
 def c_sources(graph: Graph, engine: EngineSources, guid: str) -> dict[str, bytes]:
@@ -136,4 +139,9 @@ def compiled(sources: Mapping[str, bytes], libraries: Sequence[str], target: str
     UserError
         If there is no compiler for the platform, or it fails.
     """
-    return library(sources, UNIT, target, libraries).read_bytes()
+    return library_cache.library(sources, UNIT, target, libraries).read_bytes()
+
+
+def library_key(sources: Mapping[str, bytes], libraries: Sequence[str], target: str) -> str:
+    """Digest of all that goes into what :func:`compiled` returns."""
+    return library_cache.key(sources, UNIT, target, libraries)

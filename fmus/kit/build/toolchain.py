@@ -10,24 +10,30 @@ import platform
 import shutil
 import subprocess
 import sys
-import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from fmus.kit.build import process
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 
-# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library.
+# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library. The versions are the oldest that
+# will do: of glibc; of macOS the first on arm64, and on x86-64 one with all functions that are called.
 ZIG_TARGETS = {
     "linux64": ("x86_64-linux-gnu.2.17",),
     "win64": ("x86_64-windows-gnu",),
-    "darwin64": ("x86_64-macos", "aarch64-macos"),
+    "darwin64": ("x86_64-macos.10.13", "aarch64-macos.11.0"),
+    "aarch64-linux": ("aarch64-linux-gnu.2.17",),
 }
-EXTENSIONS = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib"}
+EXTENSIONS = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib", "aarch64-linux": ".so"}
+_HOSTS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
 INSTALL_HINT = "pip install 'ppy-rig[native]' brings one (zig), for every platform"
 
 # No contraction of a*b+c: the two builds, and every platform, shall round alike.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s", "-g0")
+_LIMIT = 300.0  # s for a library, for all its targets together; the largest takes some seconds
 
 
 def host_platform() -> str:
@@ -43,26 +49,17 @@ def host_platform() -> str:
         If FMI 2.0 has no name for it, or it is not built here.
     """
     system, processor = platform.system(), platform.machine().lower()
-    name = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}.get(system)
+    name = _HOSTS.get(system)
     if name is None or (processor not in ("x86_64", "amd64") and not (name == "darwin64" and processor == "arm64")):
         raise UserError(
-            f"FMUs are built for {', '.join(ZIG_TARGETS)} (x86-64; macOS also arm64), not for {system} {processor}"
+            f"FMUs are built on {', '.join(_HOSTS.values())} (x86-64; macOS also arm64), not on {system} {processor}"
         )
     return name
 
 
 def fmi_headers() -> Path:
-    """Folder of the FMI headers, as shipped with fmpy."""
-    import fmpy
-
-    return Path(fmpy.__file__).parent / "c-code"
-
-
-def cache_folder() -> Path:
-    """Folder for compiled things that can be made again; ``PPY_CACHE`` in the environment moves it."""
-    import platformdirs
-
-    return Path(os.environ.get("PPY_CACHE") or platformdirs.user_cache_dir("ppy-rig"))
+    """Folder of the headers of FMI 2.0.1, as the standard has them."""
+    return Path(__file__).parents[1] / "fmi2" / "standard"
 
 
 @dataclass(frozen=True)
@@ -88,19 +85,41 @@ class Compiler:
     @property
     def version(self) -> str:
         """What tells its libraries from another's."""
-        return f"zig {importlib.metadata.version('ziglang')}" if self.targets else _told_version(self.command)
+        if self.targets:
+            return f"zig {importlib.metadata.version('ziglang')}"
+        try:
+            about = os.stat(self.command[0])
+        except OSError:
+            return self.command[0]
+        return _told_version(self.command, about.st_mtime_ns, about.st_size)
+
+    def options(self, target: str, libraries: Sequence[str] = ()) -> list[list[str]]:
+        """Options of each of its runs for a platform, but for paths.
+
+        Parameters
+        ----------
+        target : str
+            FMI platform.
+        libraries : sequence of str
+            Names for ``-l``.
+        """
+        own = [f"-l{library}" for library in libraries]
+        if target == "darwin64":
+            own.append("-Wl,-install_name,@rpath/library.dylib")
+        return [[*(("-target", one) if one else ()), *FLAGS, *own] for one in self.targets or ("",)]
 
 
 @functools.cache
-def _told_version(command: tuple[str, ...]) -> str:
-    """Path of a compiler and what it says of itself: another version may be installed under the same path."""
+def _told_version(command: tuple[str, ...], changed: int, size: int) -> str:
+    """Path of a compiler and what it says of itself: another version may be installed under the same path.
+
+    It is asked once, unless its file changes meanwhile (ns, bytes), which tell versions apart where it says nothing.
+    """
     try:
-        done = subprocess.run(
-            [*command, "--version"], capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=10.0
-        )
+        done = process.run([*command, "--version"], 10.0)
     except (OSError, subprocess.SubprocessError):
-        return command[0]
-    return f"{command[0]}: {done.stdout.partition(chr(10))[0]}"
+        return f"{command[0]}: {changed} {size}"
+    return f"{command[0]}: {done.stdout.partition(chr(10))[0] or f'{changed} {size}'}"
 
 
 def find_compiler(target: str) -> Compiler:
@@ -112,7 +131,7 @@ def find_compiler(target: str) -> Compiler:
     Parameters
     ----------
     target : str
-        ``linux64``, ``win64`` or ``darwin64``.
+        ``linux64``, ``win64``, ``darwin64`` or ``aarch64-linux``.
 
     Returns
     -------
@@ -187,29 +206,34 @@ def compile_library(
     Raises
     ------
     UserError
-        If there is no compiler, or it fails (with its first error line).
+        If there is no compiler, or it fails (with its first error line), or takes longer than `_LIMIT`.
     """
     compiler = find_compiler(target)
-    built = []
-    for zig_target in compiler.targets or ("",):
-        with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-            output = Path(folder) / f"library{EXTENSIONS[target]}"
-            command = [*compiler.command, *(("-target", zig_target) if zig_target else ()), *FLAGS]
-            command += [f"-I{folder}" for folder in include]
-            command += [*map(str, sources), "-o", str(output)]
-            command += [f"-l{library}" for library in libraries]
-            if target == "darwin64":
-                command += ["-Wl,-install_name,@rpath/library.dylib"]
-            done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-            if done.returncode != 0:
-                lines = (
-                    [line for line in done.stderr.splitlines() if "error" in line]
-                    or done.stderr.splitlines()
-                    or ["no message"]
-                )
-                raise UserError(f"{compiler.label} failed for {zig_target or target}: {lines[0]}")
-            built.append(output.read_bytes())
+    until, built = time.monotonic() + _LIMIT, []
+    for options in compiler.options(target, libraries):
+        with scratch.folder("compiled") as folder:
+            output = folder / f"library{EXTENSIONS[target]}"
+            # libraries last: a linker takes from them what it misses by then
+            named = [*(f"-I{place}" for place in include), *map(str, sources), "-o", str(output)]
+            _compile(compiler, [*compiler.command, *named, *options], target, until)
+            with scratch.written(folder):
+                built.append(output.read_bytes())
     return built[0] if len(built) == 1 else _universal(built)
+
+
+def _compile(compiler: Compiler, command: Sequence[str], target: str, until: float) -> None:
+    """Run a compiler to its end; UserError if it fails, or is not done by then."""
+    told = f"{compiler.label} failed for {target}"
+    try:
+        done = process.run(command, until - time.monotonic())
+    except subprocess.TimeoutExpired as error:
+        raise UserError(f"{told}: not done after {_LIMIT:g} s, and ended; try again with less beside it") from error
+    except OSError as error:
+        raise UserError(f"{told}: {compiler.command[0]} cannot be started ({error.strerror})") from error
+    if done.returncode != 0:
+        scratch.check_room(Path(command[command.index("-o") + 1]).parent)  # it says so in its own words, if at all
+        lines = done.stderr.splitlines() or ["no message"]
+        raise UserError(f"{told}: {next((line for line in lines if 'error' in line), lines[0])}")
 
 
 def _universal(libraries: list[bytes]) -> bytes:

@@ -2,8 +2,11 @@
  *
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
- *     engine      native.c integrate.c,   python.c library.c,   or a component's own
- *     model       model.h model.c, and laws.c with the native engine   (generated)
+ *     engine      native.c integrate.c,   python.c library.c interpreter.c resources.c,   or a component's own
+ *     model       model.h tables.h, and laws.c with the native engine   (generated)
+ *
+ * All of it is one translation unit, and all but the functions of FMI is static: FMUs compiled from source, each with an
+ * FMI2_FUNCTION_PREFIX of its own, can be linked into one program. The engine comes first in the unit.
  *
  * What the generator writes
  * -------------------------
@@ -11,7 +14,14 @@
  *     MODEL_PARAMETERS MODEL_INPUTS MODEL_STATES MODEL_DISCRETES MODEL_OUTPUTS MODEL_GROUPS MODEL_TEXTS
  *     LAWS_SZ_ARG LAWS_SZ_RES LAWS_SZ_IW LAWS_SZ_W      maxima over all functions of laws.c
  *     LAWS_UPDATES(X)      expands to  X(update_0) X(update_1) ...  and to nothing without groups
- * model.c, includes engine.h and defines the constants declared under "model" below.
+ * tables.h, read below, static constants:
+ *     char model_name[], model_guid[]
+ *     double model_tolerance             relative, e.g. 1e-6
+ *     Variable model_variables[]         index = value reference, MODEL_VARIABLES of them
+ *     int model_start_of[]               index of the start parameter of every state, then every discrete
+ *     Group model_groups[]               MODEL_GROUPS of them
+ *     Text model_texts[]                 MODEL_TEXTS of them
+ *     bool model_restorable              whether a copy of the memory is all there is to an instance
  *     An array without elements gets one unused element, for C has no empty arrays.
  * laws.c, from CasADi, with the signature `Law` below and the inputs
  *     time (1), parameters, inputs, states, discretes
@@ -21,7 +31,7 @@
  *     tangent  has four more inputs, a direction of parameters, inputs, states and discretes,
  *              -> the directional derivatives of the rates and of the outputs
  *     Every result is dense (casadi.densify): a sparse one would put its values in the wrong places.
- *     Before anything else it says `#define CASADI_SYMBOL_EXPORT`, so that the laws are not exported.
+ *     Before anything else it says `#define CASADI_SYMBOL_EXPORT static inline`, for it has functions that nobody calls.
  *
  * Memory of an instance: one block of doubles
  * -------------------------------------------
@@ -41,6 +51,7 @@
 #ifndef ENGINE_H
 #define ENGINE_H
 
+#include <math.h> /* INFINITY in the tables */
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -89,14 +100,7 @@ typedef struct {
     const char *name, *start;
 } Text;
 
-extern const char model_name[];
-extern const char model_guid[];
-extern const double model_tolerance;         /* relative, e.g. 1e-6 */
-extern const Variable model_variables[];     /* index = value reference, MODEL_VARIABLES of them */
-extern const int model_start_of[];           /* index of the start parameter of every state, then every discrete */
-extern const Group model_groups[];           /* MODEL_GROUPS of them */
-extern const Text model_texts[];             /* MODEL_TEXTS of them */
-extern const bool model_restorable;          /* whether a copy of the memory is all there is to an instance */
+#include "tables.h"
 
 /* CasADi's calling convention; `mem` is unused. */
 typedef int Law(const double **arg, double **res, long long *iw, double *w, int mem);
@@ -108,33 +112,32 @@ typedef char Message[MESSAGE_SIZE]; /* one line, filled in by whoever returns NU
 
 typedef struct Engine Engine;
 
-/* Whether inputs may have slopes, and whether engine_tangent works. */
-extern const bool engine_interpolates;
-extern const bool engine_differentiates;
+/* An engine also defines the constants `static const bool engine_interpolates, engine_differentiates`: whether inputs may
+   have slopes, and whether engine_tangent works. */
 
 enum { TEXT_SIZE = 512 }; /* with the terminating zero */
 typedef char TextValue[TEXT_SIZE];
 
 /* `memory` and `texts` outlive the engine. `resources` is the resource location as the host gave it, or NULL. */
-Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message);
-void engine_free(Engine *engine);
+static Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message);
+static void engine_free(Engine *engine);
 
 /* The simulation has ended, or begins anew; for engines that hold something outside of the memory. */
-void engine_terminate(Engine *engine);
+static void engine_terminate(Engine *engine);
 
 /* Called at the end of initialization: parameters are in range, states and discretes at their start values. */
-bool engine_initialize(Engine *engine, Message message);
+static bool engine_initialize(Engine *engine, Message message);
 
 /* Outputs, or derivatives, at `time` from all other variables. */
-bool engine_evaluate(Engine *engine, double time, Message message);
-bool engine_differentiate(Engine *engine, double time, Message message);
+static bool engine_evaluate(Engine *engine, double time, Message message);
+static bool engine_differentiate(Engine *engine, double time, Message message);
 
 /* States and discretes from `time` to `time + step`; outputs and derivatives need not be up to date after it. A message
    beside success is a warning. */
-bool engine_advance(Engine *engine, double time, double step, Message message);
+static bool engine_advance(Engine *engine, double time, double step, Message message);
 
 /* `seed` is a direction [parameters | inputs | states | discretes], `result` takes [derivatives | outputs]. */
-bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message);
+static bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message);
 
 /* ---- common ------------------------------------------------------------------------------------ */
 

@@ -5,10 +5,10 @@
 #include "instance.h"
 
 /* Whether the variables from index `first` to before `end` are finite numbers; reports the first that is not. */
-bool all_finite(const Instance *instance, int first, int end);
+static bool all_finite(const Instance *instance, int first, int end);
 
 /* Brings outputs or derivatives up to date and checks that they are finite. */
-fmi2Status refresh_outputs(Instance *instance);
-fmi2Status refresh_derivatives(Instance *instance);
+static fmi2Status refresh_outputs(Instance *instance);
+static fmi2Status refresh_derivatives(Instance *instance);
 
 #endif

@@ -41,18 +41,18 @@ typedef struct {
 } Instance;
 
 /* Gives one line to the logger of the host, if there is one, in a form that every logger can take. */
-void deliver(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text);
+static void deliver(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text);
 
 /* Reports one line through the logger of the host and returns `status`. Warnings need logging to be on. */
-fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...);
+static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...);
 
 /* Whether `function` may be called now; reports it if not. False for a NULL instance. */
-bool allowed(const Instance *instance, int modes, const char *function);
+static bool allowed(const Instance *instance, int modes, const char *function);
 
 /* Declares outputs and derivatives outdated, and lets states follow their start parameters before the simulation starts. */
-void touch(Instance *instance, bool parameters);
+static void touch(Instance *instance, bool parameters);
 
 /* Puts the instance back to `before` and, for good, into the mode FAILED. */
-fmi2Status fail(Instance *instance);
+static fmi2Status fail(Instance *instance);
 
 #endif

@@ -1,8 +1,4 @@
-/* Finds Python's functions in the process, or else in a shared library, without linking to any.
- *
- * A host without Python gets it with its first instance, which must not be created by two threads at once. A library
- * whose standard library Python cannot find by itself needs the environment variable PYTHONHOME, or it ends the host.
- */
+/* Finds Python's functions in the process, or else in a shared library, without linking to any. */
 #include "python.h"
 
 #include <stdio.h>
@@ -12,9 +8,28 @@
 #ifdef _WIN32
 #include <windows.h>
 
+/* One thread of the process at a time: several FMUs may want Python at once, and have nothing in common but the system. */
+typedef HANDLE Lock;
+static Lock lock_process(void) {
+    char name[64];
+    Lock lock;
+    snprintf(name, sizeof name, "Local\\ppy-rig-python-%lu", (unsigned long)GetCurrentProcessId());
+    lock = CreateMutexA(NULL, FALSE, name);
+    if (lock != NULL)
+        WaitForSingleObject(lock, INFINITE);
+    return lock;
+}
+static void unlock_process(Lock lock) {
+    if (lock == NULL)
+        return;
+    ReleaseMutex(lock);
+    CloseHandle(lock);
+}
+
 typedef HMODULE Library;
 static Library loaded(const char *name) { return GetModuleHandleA(name); }
 static Library load(const char *name) { return LoadLibraryA(name); }
+static void unload(Library library) { FreeLibrary(library); }
 static void find(Library library, const char *name, void *function) {
     FARPROC address = GetProcAddress(library, name);
     memcpy(function, &address, sizeof address);
@@ -26,10 +41,20 @@ static const char *const on_disk[] = {"python3%d.dll", NULL};
 #else
 #include <dlfcn.h>
 
+/* The same through C's lock of a stream. Other threads can write to this one when Python has started, some hundredths of
+   a second later; none of them holds it for long, as one may hold that of the input. */
+typedef FILE *Lock;
+static Lock lock_process(void) {
+    flockfile(stderr);
+    return stderr;
+}
+static void unlock_process(Lock lock) { funlockfile(lock); }
+
 typedef void *Library;
 static Library loaded(const char *name) { return *name == '\0' ? dlopen(NULL, RTLD_LAZY) : NULL; }
 /* Global, for Python's extension modules expect the symbols of Python in the process. */
 static Library load(const char *name) { return dlopen(name, RTLD_NOW | RTLD_GLOBAL); }
+static void unload(Library library) { dlclose(library); }
 static void find(Library library, const char *name, void *function) {
     void *address = dlsym(library, name);
     memcpy(function, &address, sizeof address);
@@ -49,57 +74,86 @@ static const char *const on_disk[] = {"libpython3.%d.so.1.0", NULL};
 #endif
 
 enum { NEWEST_MINOR = 19, OLDEST_MINOR = 11 };
+#define NEEDED "Python 3.11 or newer is needed"
 
-/* True when the library has all functions; those before `missing` are set in any case. */
+/* True when the library has all functions that are needed. */
 static bool resolve(Python *python, Library library, const char **missing) {
-#define FIND(result, name, arguments)              \
-    find(library, #name, &python->name);           \
-    if (python->name == NULL) {                    \
-        *missing = #name;                          \
-        return false;                              \
-    }
+#define FIND(result, name, arguments) find(library, #name, &python->name);
     PYTHON_FUNCTIONS(FIND)
+    PYTHON_STARTERS(FIND)
 #undef FIND
+#define CHECK(result, name, arguments) \
+    if (python->name == NULL) {        \
+        *missing = #name;              \
+        return false;                  \
+    }
+    PYTHON_FUNCTIONS(CHECK)
+#undef CHECK
     return true;
 }
 
-/* Tries each pattern with each minor version of Python, the newest first. */
-static bool try_all(Python *python, Library (*open)(const char *), const char *const patterns[]) {
-    const char *missing;
+/* Whether a library can be used; `whose` is what a complaint begins with. Its version comes first: what an older one
+   does with calls it does not expect is not known. */
+static bool usable(Python *python, Library library, const char *whose, Message message) {
+    const char *(*version)(void), *missing = "Py_GetVersion";
+    int major = 0;
+    find(library, missing, &version);
+    if (version != NULL) {
+        const char *told = version(); /* such as "3.11.7 (main, ...) [GCC ...]" */
+        if (sscanf(told, "%d.%d", &major, &python->minor) != 2 || major != 3 || python->minor < OLDEST_MINOR) {
+            snprintf(message, MESSAGE_SIZE, "no Python: %.500s is Python %.*s; " NEEDED, whose,
+                     (int)(strcspn(told, " ") % 32), told);
+            return false;
+        }
+        if (resolve(python, library, &missing))
+            return true;
+    }
+    snprintf(message, MESSAGE_SIZE, "no Python: %.500s lacks %s", whose, missing);
+    return false;
+}
+
+/* Opens the first library there is of all patterns with each minor version of Python, the newest first. */
+static Library open_any(Library (*open)(const char *), const char *const patterns[]) {
     for (int minor = NEWEST_MINOR; minor >= OLDEST_MINOR; minor--)
         for (int i = 0; patterns[i] != NULL; i++) {
             char name[128];
             Library library;
+            void *function = NULL;
             snprintf(name, sizeof name, patterns[i], minor, minor);
             library = open(name);
-            if (library != NULL && resolve(python, library, &missing))
-                return true;
+            if (library != NULL)
+                find(library, "Py_GetVersion", &function);
+            if (function != NULL)
+                return library;
         }
+    return NULL;
+}
+
+/* Uses a library that was loaded for it, or lets it go again. */
+static bool used(Python *python, Library library, const char *whose, Message message) {
+    if (usable(python, library, whose, message))
+        return python_start(python, message);
+    unload(library);
     return false;
 }
 
-static bool initialize(Python *python) {
-    if (!python->Py_IsInitialized()) {
-        python->Py_InitializeEx(0);   /* without signal handlers, which belong to the host */
-        python->PyEval_SaveThread();  /* from now on everyone asks for the lock */
-    }
-    return true;
-}
-
-bool python_find(Python *python, Message message) {
-    const char *chosen = getenv("PPY_LIBPYTHON"), *missing = "";
-    if (try_all(python, loaded, in_process))
-        return initialize(python);
+static bool found(Python *python, Message message) {
+    const char *chosen = getenv("PPY_LIBPYTHON");
+    Library library = open_any(loaded, in_process);
+    char whose[600];
+    if (library != NULL)
+        return usable(python, library, "what this process has", message) && python_start(python, message);
     if (chosen != NULL && *chosen != '\0') {
-        Library library = load(chosen);
-        if (library != NULL && resolve(python, library, &missing))
-            return initialize(python);
-        snprintf(message, MESSAGE_SIZE, "no Python: PPY_LIBPYTHON = %.500s %s%s", chosen,
-                 library == NULL ? "cannot be loaded" : "lacks ", missing);
+        snprintf(whose, sizeof whose, "PPY_LIBPYTHON = %.500s", chosen);
+        library = load(chosen);
+        if (library != NULL)
+            return used(python, library, whose, message);
+        snprintf(message, MESSAGE_SIZE, "no Python: %s cannot be loaded", whose);
         return false;
     }
-    if (try_all(python, load, on_disk))
-        return initialize(python);
+    library = open_any(load, on_disk);
+    if (library != NULL)
+        return used(python, library, "a library named " LIBRARY_NAME, message);
     snprintf(message, MESSAGE_SIZE,
              "no Python: this process has none and " LIBRARY_NAME " was not found for any x from %d to %d; install "
              "libpython3 or set PPY_LIBPYTHON to the path of such a library",
@@ -107,53 +161,9 @@ bool python_find(Python *python, Message message) {
     return false;
 }
 
-/* ---- resource location ---------------------------------------------------------------------------- */
-
-static int hexadecimal(char c) {
-    static const char digits[] = "0123456789abcdefABCDEF";
-    const char *digit = c == '\0' ? NULL : strchr(digits, c);
-    return digit == NULL ? -1 : (int)(digit - digits) - (digit - digits > 15 ? 6 : 0);
-}
-
-static bool is_drive(const char *path) {
-    return path[0] == '/' && ((path[1] | 32) >= 'a' && (path[1] | 32) <= 'z') && path[2] == ':';
-}
-
-/* Undoes the percent encoding in place; what is not a valid code stays as it is. */
-static void decode(char *text) {
-    char *to = text;
-    for (; *text != '\0'; text++) {
-        int high = *text == '%' ? hexadecimal(text[1]) : -1, low = high < 0 ? -1 : hexadecimal(text[2]);
-        bool code = low >= 0 && (high | low) != 0;
-        *to++ = code ? (char)(16 * high + low) : *text;
-        text += code ? 2 : 0;
-    }
-    *to = '\0';
-}
-
-char *resource_path(const char *location) {
-    char *path;
-    size_t length;
-    bool uri;
-    if (location == NULL || *location == '\0')
-        return NULL;
-    uri = strncmp(location, "file:", 5) == 0 || strncmp(location, "FILE:", 5) == 0;
-    if (uri)
-        location += 5;
-    if (uri && strncmp(location, "//localhost/", 12) == 0)
-        location += 11;
-    else if (uri && strncmp(location, "///", 3) == 0)
-        location += 2;
-    path = *location == '\0' ? NULL : malloc(strlen(location) + 1);
-    if (path == NULL)
-        return NULL;
-    strcpy(path, location);
-    if (uri)
-        decode(path);
-    if (uri && is_drive(path))
-        memmove(path, path + 1, strlen(path));
-    length = strlen(path);
-    if (length > 1 && path[length - 1] == '/')
-        path[length - 1] = '\0';
-    return path;
+bool python_find(Python *python, Message message) {
+    Lock lock = lock_process();
+    bool good = found(python, message);
+    unlock_process(lock);
+    return good;
 }

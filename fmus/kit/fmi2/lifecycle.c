@@ -61,7 +61,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
         return NULL;
     }
     strcpy(instance->name, name);
-    instance->host = *host;
+    memcpy(&instance->host, host, sizeof instance->host); /* FMI 2.0.0 has constant fields, which cannot be assigned */
     instance->logging = logging != fmi2False;
     reset(instance);
     instance->engine = engine_create(instance->now.memory, (const TextValue *)instance->texts, resources, message);

@@ -10,8 +10,8 @@
 static Law *const updates[] = {LAWS_UPDATES(UPDATE_ADDRESS) NULL};
 #undef UPDATE_ADDRESS
 
-const bool engine_interpolates = true;
-const bool engine_differentiates = true;
+static const bool engine_interpolates = true;
+static const bool engine_differentiates = true;
 
 Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message) {
     Engine *engine = calloc(1, sizeof *engine);

@@ -4,8 +4,8 @@
 
 #include "engine.h"
 
-Law rates, outputs, tangent;
-#define DECLARE_UPDATE(name) Law name;
+static Law rates, outputs, tangent;
+#define DECLARE_UPDATE(name) static Law name;
 LAWS_UPDATES(DECLARE_UPDATE)
 #undef DECLARE_UPDATE
 
@@ -48,6 +48,6 @@ static inline bool call(Engine *engine, Law *law) {
 }
 
 /* Integrates the states from `time` to `target`, all else being held. */
-bool integrate(Engine *engine, double time, double target, Message message);
+static bool integrate(Engine *engine, double time, double target, Message message);
 
 #endif

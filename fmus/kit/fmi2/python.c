@@ -20,8 +20,8 @@ struct Engine {
     PyObject *initialize, *evaluate, *differentiate, *advance, *warning, *terminate;
 };
 
-const bool engine_interpolates = false;
-const bool engine_differentiates = false;
+static const bool engine_interpolates = false;
+static const bool engine_differentiates = false;
 
 /* Every FMU is imported under a name of its own, so that FMUs never share modules. Only those names and one module
    with the bookkeeping are added to sys.modules, sys.path is left alone, and no bytecode is written into the FMU. */
@@ -153,7 +153,7 @@ static bool create(Engine *engine, double *memory, const TextValue *texts, const
     if (engine->names == NULL || builtins == NULL ||
         python->PyDict_SetItemString(engine->names, "__builtins__", builtins) != 0 ||
         !enter(engine, "name", python->PyUnicode_FromString(name)) ||
-        !enter(engine, "resources", python->PyUnicode_FromString(path)) ||
+        !enter(engine, "resources", python->PyUnicode_DecodeFSDefault(path)) || /* back to these bytes in any locale */
         !enter(engine, "block",
                python->PyMemoryView_FromMemory((char *)memory, MEMORY_SIZE * (ptrdiff_t)sizeof(double), WRITABLE)) ||
         !enter(engine, "strings",

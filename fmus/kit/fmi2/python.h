@@ -5,13 +5,18 @@
 #ifndef PYTHON_H
 #define PYTHON_H
 
+#ifndef _WIN32
+#define _GNU_SOURCE /* for dladdr of glibc; before the first header of the system */
+#endif
+
+#include <stddef.h>
+
 #include "engine.h"
 
 typedef struct PyObject PyObject;
 
 #define PYTHON_FUNCTIONS(X)                                               \
     X(int, Py_IsInitialized, (void))                                      \
-    X(void, Py_InitializeEx, (int))                                       \
     X(void *, PyEval_SaveThread, (void))                                  \
     X(int, PyGILState_Ensure, (void))                                     \
     X(void, PyGILState_Release, (int))                                    \
@@ -26,6 +31,7 @@ typedef struct PyObject PyObject;
     X(PyObject *, PyMemoryView_FromMemory, (char *, ptrdiff_t, int))      \
     X(PyObject *, PyFloat_FromDouble, (double))                           \
     X(PyObject *, PyUnicode_FromString, (const char *))                   \
+    X(PyObject *, PyUnicode_DecodeFSDefault, (const char *))              \
     X(PyObject *, PyUnicode_AsUTF8String, (PyObject *))                   \
     X(char *, PyBytes_AsString, (PyObject *))                             \
     X(PyObject *, PyObject_GetAttrString, (PyObject *, const char *))     \
@@ -36,16 +42,37 @@ typedef struct PyObject PyObject;
     X(void, Py_IncRef, (PyObject *))                                      \
     X(void, Py_DecRef, (PyObject *))
 
+/* PyStatus: what became of a start. The same since Python 3.8. */
+typedef struct {
+    int type; /* 0: fine */
+    const char *function, *message;
+    int exit_code;
+} Outcome;
+
+/* What starts an interpreter; a Python that runs already need not have it. */
+#define PYTHON_STARTERS(X)                                                \
+    X(void, PyConfig_InitIsolatedConfig, (void *))                        \
+    X(Outcome, Py_InitializeFromConfig, (const void *))                   \
+    X(void, PyConfig_Clear, (void *))                                     \
+    X(wchar_t *, Py_DecodeLocale, (const char *, size_t *))               \
+    X(void, Py_SetPythonHome, (const wchar_t *))                          \
+    X(void, PyMem_RawFree, (void *))
+
 #define PYTHON_FIELD(result, name, arguments) result(*name) arguments;
 typedef struct {
+    int minor; /* 11 is Python 3.11 */
     PYTHON_FUNCTIONS(PYTHON_FIELD)
+    PYTHON_STARTERS(PYTHON_FIELD)
 } Python;
 #undef PYTHON_FIELD
 
 /* Finds the Python of this process or brings one in, and sees to it that it is initialized. */
-bool python_find(Python *python, Message message);
+static bool python_find(Python *python, Message message);
+
+/* Initializes Python unless that has been done; one thread of a process at a time. */
+static bool python_start(const Python *python, Message message);
 
 /* The path in a resource location, which is a file URI or already a path; to be freed. NULL if there is none. */
-char *resource_path(const char *location);
+static char *resource_path(const char *location);
 
 #endif

@@ -7,6 +7,8 @@
 
 /* Serialized as it is in memory: made for the same FMU on the same kind of machine, which the header verifies. */
 typedef struct {
+    /* Always zero: fmusim frees, after it has written --final-fmu-state-file, the pointer that a state begins with. */
+    uint64_t nothing;
     uint64_t magic;
     uint64_t model;    /* hash of the GUID */
     uint64_t size;     /* of the whole snapshot in bytes */
@@ -18,6 +20,7 @@ static const uint64_t snapshot_magic = UINT64_C(0x5050592d464d5532);
 
 static Snapshot header(const State *state) {
     Snapshot snapshot;
+    snapshot.nothing = 0;
     snapshot.magic = snapshot_magic;
     snapshot.model = hash(HASH_START, model_guid, strlen(model_guid));
     snapshot.size = sizeof snapshot;
@@ -123,7 +126,8 @@ EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[
                       size, model_name, sizeof snapshot);
     memcpy(&snapshot, bytes, sizeof snapshot);
     expected = header(&snapshot.state);
-    if (snapshot.magic != expected.magic || snapshot.model != expected.model || snapshot.size != expected.size)
+    if (snapshot.nothing != expected.nothing || snapshot.magic != expected.magic || snapshot.model != expected.model ||
+        snapshot.size != expected.size)
         return report(instance, fmi2Error, "fmi2DeSerializeFMUstate: the bytes are not a state of this build of %s",
                       model_name);
     if (snapshot.checksum != expected.checksum)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
+from fmus.kit.build.library_cache import library, load
 from fmus.kit.build.sources import FOLDER, UNIT, fmi_headers, unit
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
@@ -116,10 +116,10 @@ class RecordLibrary:
 
 def sources(graph: Graph, states: int) -> dict[str, bytes]:
     """C files of a graph, of whose states the first are those of the component."""
-    written = {p.name: p.read_bytes() for p in FOLDER.iterdir()} | fmi_headers()
+    written = {p.name: p.read_bytes() for p in FOLDER.iterdir() if p.is_file()} | fmi_headers()
     written |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
     written["record.h"] = f"#define RECORD_STATES {states}\n".encode()
-    return written | {UNIT: unit("record.c", "native.c", "model.c", "laws.c")}
+    return written | {UNIT: unit("record.c", "native.c", "laws.c")}
 
 
 def compiled(made: Mapping[str, bytes]) -> Path:
@@ -140,7 +140,7 @@ def _pointer(array: Array) -> object:
 
 def _load(path: Path) -> tuple[Any, Any]:
     """Bind ``ppy_simulate`` and ``ppy_cases``."""
-    there = ctypes.CDLL(str(path))
+    there = load(path)
     one, many = there.ppy_simulate, there.ppy_cases
     one.argtypes = [
         ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,

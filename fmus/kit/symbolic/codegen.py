@@ -1,4 +1,4 @@
-"""C source of one component: its tables (``model.h``, ``model.c``) and its laws (``laws.c``, from the CasADi graph).
+"""C source of one component: its tables (``model.h``, ``tables.h``) and its laws (``laws.c``, from the CasADi graph).
 
 What each file must contain is written at the top of ``fmi2/engine.h``.
 """
@@ -8,8 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
-from pathlib import Path
+import re
 
 import casadi as ca
 
@@ -20,6 +19,7 @@ from fmus.kit.declare import (
     ParameterDeclaration,
     StateDeclaration,
 )
+from fmus.kit.storage import scratch
 from fmus.kit.symbolic.trace import Graph
 
 _ROLES = {
@@ -29,6 +29,21 @@ _ROLES = {
     DiscreteDeclaration: "ROLE_DISCRETE",
     OutputDeclaration: "ROLE_OUTPUT",
 }
+
+# CasADi writes functions that nobody calls, with arguments that nobody uses.
+_LAWS = """\
+#define CASADI_SYMBOL_EXPORT static inline
+#ifdef __GNUC__
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+{}
+#ifdef __GNUC__
+#pragma GCC diagnostic pop
+#endif
+"""
+
+_HELPER = re.compile(r"^(?=(?:const )?\w+\*? casadi_\w+\()", re.M)  # where CasADi defines one, such as casadi_sq
 
 
 def _c_double(value: float) -> str:
@@ -53,7 +68,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        ``model.h`` without the sizes of the laws, and ``model.c``.
+        ``model.h`` without the sizes of the laws, and ``tables.h``.
     """
     layout = graph.layout
     groups = layout.sampled
@@ -80,17 +95,16 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     ]
     texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
     body = [
-        "#include <math.h>", '#include "engine.h"', "",
-        f"const char model_name[] = {_c_string(graph.name)};",
-        f"const char model_guid[] = {_c_string(guid)};",
-        f"const double model_tolerance = {_c_double(graph.tolerance)};",
-        "const Variable model_variables[] = {", *rows, "};",
-        f"const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
-        "const Group model_groups[] = {", *(periods or ["    {0.0, -1},"]), "};",
-        "const Text model_texts[] = {", *(texts or ['    {"", ""},']), "};",
-        f"const bool model_restorable = {'true' if graph.restorable else 'false'};",
+        f"static const char model_name[] = {_c_string(graph.name)};",
+        f"static const char model_guid[] = {_c_string(guid)};",
+        f"static const double model_tolerance = {_c_double(graph.tolerance)};",
+        "static const Variable model_variables[] = {", *rows, "};",
+        f"static const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
+        "static const Group model_groups[] = {", *(periods or ["    {0.0, -1},"]), "};",
+        "static const Text model_texts[] = {", *(texts or ['    {"", ""},']), "};",
+        f"static const bool model_restorable = {'true' if graph.restorable else 'false'};",
     ]  # fmt: skip
-    return {"model.h": "\n".join(header) + "\n", "model.c": "\n".join(body) + "\n"}
+    return {"model.h": "\n".join(header) + "\n", "tables.h": "\n".join(body) + "\n"}
 
 
 def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, str]:
@@ -107,7 +121,7 @@ def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, s
     Returns
     -------
     dict of str to str
-        ``model.h``, ``model.c`` and ``laws.c``.
+        ``model.h``, ``tables.h`` and ``laws.c``.
     """
     functions = graph.functions(tangent)
     sizes = {
@@ -118,7 +132,7 @@ def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, s
     updates = "".join(f" X(update_{i})" for i in range(len(graph.updates)))
     lines = [*(f"#define LAWS_SZ_{k} {n}" for k, n in sizes.items()), f"#define LAWS_UPDATES(X){updates}", "#endif"]
     files["model.h"] += "\n".join(lines) + "\n"
-    files["laws.c"] = "#define CASADI_SYMBOL_EXPORT\n" + _generate(functions)
+    files["laws.c"] = _LAWS.format(_generate(functions))
     return files
 
 
@@ -134,7 +148,7 @@ def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        ``model.h`` and ``model.c``.
+        ``model.h`` and ``tables.h``.
     """
     files = tables(graph, guid)
     files["model.h"] += "#endif\n"
@@ -145,6 +159,11 @@ def _generate(functions: list[ca.Function]) -> str:
     generator = ca.CodeGenerator("laws.c", {"with_header": False})
     for function in functions:
         generator.add(function)
-    with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-        generator.generate(folder + os.sep)
-        return (Path(folder) / "laws.c").read_text(encoding="utf-8")
+    with scratch.folder("laws") as folder:
+        generator.generate(f"{folder}{os.sep}")
+        with scratch.written(folder):
+            text = (folder / "laws.c").read_text(encoding="utf-8")
+            if generator.dump() not in text:  # where there is no room CasADi writes a part, and says nothing
+                scratch.check_room(folder)
+                raise OSError("of the laws, a part was written")
+            return _HELPER.sub("static inline ", text)

@@ -6,6 +6,6 @@
 #include "sockets.h"
 
 /* False, with a message, unless `endpoint` is 127.0.0.0/8, ::1 or localhost with a port. Nothing is looked up. */
-bool endpoint_read(const char *endpoint, Address *address, Message message);
+static bool endpoint_read(const char *endpoint, Address *address, Message message);
 
 #endif

@@ -12,12 +12,12 @@ typedef struct {
 } Writer;
 
 /* Punctuation and the like, as it stands. */
-void write_plain(Writer *writer, const char *text);
+static void write_plain(Writer *writer, const char *text);
 
 /* A text in quotes, with escapes. */
-void write_text(Writer *writer, const char *text);
+static void write_text(Writer *writer, const char *text);
 
 /* A finite number. */
-void write_number(Writer *writer, double number);
+static void write_number(Writer *writer, double number);
 
 #endif

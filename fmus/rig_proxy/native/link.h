@@ -32,16 +32,16 @@ typedef struct {
 
 /* Connects and begins a session by `until`; with `patient`, somebody who is not there yet is tried again. On failure
    the message says why, and is empty if nobody answered in time. */
-bool link_open(Link *link, double time, double until, bool patient, Message message);
+static bool link_open(Link *link, double time, double until, bool patient, Message message);
 
 /* Sends an exchange. False if that is impossible at present. */
-bool link_exchange(Link *link, double time, double step, const double *inputs);
+static bool link_exchange(Link *link, double time, double step, const double *inputs);
 
 /* Takes what comes, up to `until`. True as soon as a reply to the exchange `first` or a later one has come; false when
    none can come any more. With `first` = 0 it always goes on to `until`. */
-bool link_listen(Link *link, double until, uint64_t first);
+static bool link_listen(Link *link, double until, uint64_t first);
 
 /* Ends the session, if there is one, waits for the rig's word at most `seconds`, and closes. */
-void link_close(Link *link, double seconds);
+static void link_close(Link *link, double seconds);
 
 #endif

@@ -24,13 +24,13 @@ typedef struct {
 } Reply;
 
 /* What a frame says; every field that the protocol has for its kind must be there and of the right type. */
-void reply_read(const char *frame, size_t size, Reply *reply);
+static void reply_read(const char *frame, size_t size, Reply *reply);
 
 /* `measured` are the indices of the measured values, `inputs` the commands, in the order of the model. A writer that is
    full after this must not be sent. */
-void write_connect(Writer *writer, double time, const int measured[MEASURED + 1]);
-void write_exchange(Writer *writer, const Reply *session, uint64_t sequence, double sent, double seen, double time,
-                    double step, const double *inputs);
-void write_disconnect(Writer *writer, const char *session);
+static void write_connect(Writer *writer, double time, const int measured[MEASURED + 1]);
+static void write_exchange(Writer *writer, const Reply *session, uint64_t sequence, double sent, double seen, double time,
+                           double step, const double *inputs);
+static void write_disconnect(Writer *writer, const char *session);
 
 #endif

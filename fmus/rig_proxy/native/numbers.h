@@ -8,9 +8,9 @@
 enum { NUMBER_SIZE = 64 };
 
 /* Writes a finite number so that reading it gives the same bits; returns the length. */
-size_t number_write(double number, char text[NUMBER_SIZE]);
+static size_t number_write(double number, char text[NUMBER_SIZE]);
 
 /* Reads a number that is known to follow the grammar of JSON; false if it is very long, or not finite. */
-bool number_read(const char *begin, const char *end, double *number);
+static bool number_read(const char *begin, const char *end, double *number);
 
 #endif

@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-const bool engine_interpolates = false;
-const bool engine_differentiates = false;
+static const bool engine_interpolates = false;
+static const bool engine_differentiates = false;
 
 static const double FAREWELL = 0.2; /* s, for the rig's answer to `disconnect` */
 

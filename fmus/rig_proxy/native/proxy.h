@@ -20,18 +20,18 @@ struct Engine {
 };
 
 /* Finds the variables by name (variables.c). False with a message if one is missing. */
-bool find_variables(Engine *engine, Message message);
+static bool find_variables(Engine *engine, Message message);
 
 /* Commands the rig for a step and waits for its end (pace.c). False with a message if the simulation cannot go on. */
-bool make_step(Engine *engine, double time, double step, Message message);
+static bool make_step(Engine *engine, double time, double step, Message message);
 
 /* Writes values, ages and the state of the link to the outputs (outputs.c). False with a message if the values may not
    be used, or true with one that is a warning. */
-bool publish(Engine *engine, Message message);
+static bool publish(Engine *engine, Message message);
 
 /* Values of the parameters, in s. */
-double communication_timeout(const Engine *engine);
-double max_age(const Engine *engine);
-double deadline(const Engine *engine);
+static double communication_timeout(const Engine *engine);
+static double max_age(const Engine *engine);
+static double deadline(const Engine *engine);
 
 #endif

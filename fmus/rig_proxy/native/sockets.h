@@ -25,22 +25,22 @@ typedef struct {
 } Address;
 
 /* Once per instance, before and after everything else. */
-bool sockets_start(void);
-void sockets_stop(void);
+static bool sockets_start(void);
+static void sockets_stop(void);
 
 /* Begins to connect; NO_SOCKET if that is impossible or refused at once. */
-Socket socket_connect(const Address *address);
+static Socket socket_connect(const Address *address);
 
 /* Whether the connection stands, once socket_wait has said that it can be written to. */
-bool socket_is_connected(Socket handle);
+static bool socket_is_connected(Socket handle);
 
 /* Waits until there is something to read, or room to write; false after `seconds`. A broken connection is both. */
-bool socket_wait(Socket handle, bool writing, double seconds);
+static bool socket_wait(Socket handle, bool writing, double seconds);
 
 /* Bytes that went through; 0 if none can at present; -1 if the connection is gone. */
-long socket_send(Socket handle, const void *data, size_t size);
-long socket_receive(Socket handle, void *data, size_t size);
+static long socket_send(Socket handle, const void *data, size_t size);
+static long socket_receive(Socket handle, void *data, size_t size);
 
-void socket_close(Socket handle);
+static void socket_close(Socket handle);
 
 #endif

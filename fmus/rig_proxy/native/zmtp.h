@@ -31,19 +31,19 @@ typedef enum {
 
 typedef enum { WIRE_FRAME, WIRE_SILENT, WIRE_BROKEN } Arrival;
 
-bool wire_is_open(const Wire *wire);
-void wire_close(Wire *wire);
+static bool wire_is_open(const Wire *wire);
+static void wire_close(Wire *wire);
 
 /* Connects and shakes hands by `until` (clock_now). */
-Opening wire_open(Wire *wire, const Address *address, double until, Message message);
+static Opening wire_open(Wire *wire, const Address *address, double until, Message message);
 
 /* Gives a frame to the system, or keeps what does not go through for later. False if the connection is broken (and then
    closed), or so congested that an older frame is not through yet: a newer one must not queue up behind it. */
-bool wire_send(Wire *wire, const void *data, size_t size);
+static bool wire_send(Wire *wire, const void *data, size_t size);
 
 /* The next frame, which is good until the next call. SILENT if there is none by `until`; what is there already is
    given out even then. A broken connection is closed. */
-Arrival wire_receive(Wire *wire, double until, const char **frame, size_t *size);
+static Arrival wire_receive(Wire *wire, double until, const char **frame, size_t *size);
 
 /* ---- what the handshake and the frames share -------------------------------------------------------- */
 
@@ -54,16 +54,16 @@ typedef struct {
 } Frame;
 
 /* Reads until `size` bytes are there that have not been dealt with. */
-Arrival wire_fill(Wire *wire, size_t size, double until);
+static Arrival wire_fill(Wire *wire, size_t size, double until);
 
 /* The next frame or command, whichever it is. */
-Arrival wire_frame(Wire *wire, double until, Frame *frame);
+static Arrival wire_frame(Wire *wire, double until, Frame *frame);
 
 /* Queues bytes and tries to send. False if they do not fit, or the connection is broken. */
-bool wire_put(Wire *wire, const void *data, size_t size);
-bool wire_put_frame(Wire *wire, int flags, const void *data, size_t size);
+static bool wire_put(Wire *wire, const void *data, size_t size);
+static bool wire_put_frame(Wire *wire, int flags, const void *data, size_t size);
 
 /* Whether a command has that name; `data` is what follows the name. */
-bool command_is(const Frame *frame, const char *name, Frame *data);
+static bool command_is(const Frame *frame, const char *name, Frame *data);
 
 #endif

@@ -5,7 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import typer
+
 from fmus.kit.errors import UserError
+from orchestration.cli.isolation import Isolate, isolating
 from orchestration.cli.options import (
     DEFAULT_MODEL,
     Json,
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
 
 
 def compare(
+    context: typer.Context,
     record: Record,
     model: ModelOption = DEFAULT_MODEL,
     effects: With = None,
@@ -38,8 +42,10 @@ def compare(
     result: Json = None,
     plot: Picture = None,
     runtime: Runtime = "native",
+    isolate: Isolate = None,
 ) -> None:
     """Hold a model against a measured record: fit in percent, RMS error, whiteness; recalibrate with --fit."""
+    context.with_resource(isolating(isolate))
     from orchestration.cli.models import check_inputs, model_file, note_neutral, open_model
     from orchestration.identify import comparison as work
     from orchestration.records import parse_mapping

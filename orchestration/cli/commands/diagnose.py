@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from orchestration.cli.isolation import Isolate, isolating
 from orchestration.cli.options import (
     DEFAULT_MODEL,
     Json,
@@ -110,6 +111,7 @@ System = Annotated[
 
 
 def diagnose(
+    context: typer.Context,
     records: Records,
     model: Model = None,
     laid_over: With = None,
@@ -132,8 +134,10 @@ def diagnose(
     platforms: Platforms = None,
     experiment: Experiment = None,
     system: System = None,
+    isolate: Isolate = None,
 ) -> None:
     """Name what a model gets wrong on a record, extend it, and measure the gain on data it has not seen."""
+    context.with_resource(isolating(isolate))
     if system is not None:
         from orchestration.cli import diagnose_system
 

@@ -10,6 +10,7 @@ import typer
 
 from fmus.kit.errors import UserError
 from orchestration.cli.commands.compare import show
+from orchestration.cli.isolation import Isolate, isolating
 from orchestration.cli.options import (
     DEFAULT_MODEL,
     Json,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 
 def identify(
+    context: typer.Context,
     record: Record,
     fit: Annotated[str, option("--fit", help="Parameters, e.g. R1,R2,C.")],
     model: ModelOption = DEFAULT_MODEL,
@@ -52,8 +54,10 @@ def identify(
     ] = None,
     result: Json = None,
     plot: Picture = None,
+    isolate: Isolate = None,
 ) -> None:
     """Identify parameters of a component or any FMU from a record: values, intervals, and a file to bind them."""
+    context.with_resource(isolating(isolate))
     from orchestration.cli.models import check_inputs, model_file, note_neutral, open_model
     from orchestration.identify import comparison as work
     from orchestration.records import parse_mapping

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fmus.kit.errors import UserError
-from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, limits
+from fmus.kit.files import is_file
+from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, hearing_ctrl_c, limits
 from orchestration.cli.options import Json, complete_experiments, option, seconds
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
 from orchestration.cli.real_time import Options, keep, status_line
@@ -75,7 +77,8 @@ def run(
     def isolation(foreign: bool) -> Limits | None:
         return limits(foreign and live is None, isolate, step_timeout, memory_limit)
 
-    with standard_output_for(result):
+    heard = hearing_ctrl_c(None) if isolate is False and live is None else nullcontext()
+    with standard_output_for(result), heard:
         data, reproduced = _run(experiment, settings or [], runtime, out, plot, result, live, isolation)
     if "failure" in data.attrs:
         raise UserError(data.attrs["failure"])
@@ -112,7 +115,7 @@ def _run(
     from orchestration.reporting.console import note, wrote
 
     source = Path(name)
-    is_result = source.is_file() and source.suffix.lower() != ".toml"
+    is_result = is_file(source) and source.suffix.lower() != ".toml"
     chosen = [*settings, *([f"runtime={runtime}"] if runtime else [])]
     wanted = read(name, chosen)
     reads = {"result" if is_result else "experiment": source} | files(wanted)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fmus.kit.errors import UserError
-from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, limits
+from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, hearing_ctrl_c, limits
 from orchestration.cli.options import (
     Map,
     Model,
@@ -65,7 +65,7 @@ def simulate(
     isolation = limits(opened.foreign, isolate, step_timeout, memory_limit)
     time, inputs = _stimulus(opened, input_file, mapping or [], parameters, stop, step)
     try:
-        with progress() as tell:
+        with hearing_ctrl_c(isolation), progress() as tell:
             tell(f"simulating {opened.title}")
             outputs = work.simulate(
                 opened, time, inputs, parameters, lambda done: tell.done(done, time.size), note, isolation

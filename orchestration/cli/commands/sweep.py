@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmus.kit.errors import UserError
+from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, told
 from orchestration.cli.options import Model, Picture, Preset, Runtime, Set, Step, Stop, With, comma_list, option
 from orchestration.cli.outputs import Outputs
 
@@ -91,6 +92,9 @@ def sweep(
     out: Out = None,
     plot: Picture = None,
     runtime: Runtime = "native",
+    isolate: Isolate = None,
+    step_timeout: StepTimeout = None,
+    memory_limit: MemoryLimit = None,
 ) -> None:
     """Run a component or any FMU over many values of its parameters, or a sweep that a TOML file describes."""
     from orchestration.reporting import console
@@ -98,6 +102,7 @@ def sweep(
     _check_outputs(model, fitted, out, plot)
     folder = out and out.with_name(f"{out.name}.part")
     how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder,
+                           "isolate": isolate, "limits": told(isolate, step_timeout, memory_limit),
                            "check": _check(out, plot)}  # fmt: skip
     if Path(model).suffix.lower() in _TOML:
         _refuse_beside_file(context)
@@ -214,7 +219,9 @@ def _of_file(path: Path) -> Callable[..., xarray.Dataset]:
     return lambda **how: sweep_file(path, note=note, **how)
 
 
-_BESIDE_FILE = ("context", "model", "engine", "workers", "scheduler", "out", "plot")
+_BESIDE_FILE = (
+    "context", "model", "engine", "workers", "scheduler", "out", "plot", "isolate", "step_timeout", "memory_limit",
+)  # fmt: skip
 
 
 def _refuse_beside_file(context: typer.Context) -> None:

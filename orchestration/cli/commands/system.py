@@ -152,8 +152,7 @@ def check_file(file: Annotated[Path, typer.Argument(metavar="FILE.ssp", help="Sy
 @contextmanager
 def _opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
     """Give a system that ships, or one from a file; the FMUs of an archive are there only for as long."""
-    import tempfile
-
+    from fmus.kit.storage import scratch
     from orchestration.reporting.console import progress
     from orchestration.system import library, ssp
     from orchestration.system.ssp.vocabulary import ENDINGS
@@ -162,8 +161,8 @@ def _opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
     if path.suffix.lower() in ENDINGS or path.exists():
         if path.suffix.lower() not in ENDINGS:
             raise UserError(f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of {', '.join(library.NAMES)}")
-        with tempfile.TemporaryDirectory(prefix="ppy-ssp-", ignore_cleanup_errors=True) as folder:
-            yield ssp.read(path, Path(folder))
+        with scratch.folder("ssp") as folder:
+            yield ssp.read(path, folder)
         return
     with progress() as tell:
         if name_or_file in library.NAMES:

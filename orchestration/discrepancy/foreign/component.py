@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, files
+from fmus.kit import Component
 from fmus.kit import units as known_units
-from fmus.kit.build import toolchain
 from fmus.kit.errors import UserError
+from fmus.kit.storage import cache
 from orchestration.discrepancy.foreign.response import Response
 from orchestration.fmu.loading import load_class
 from orchestration.fmu.model import Model
@@ -185,8 +185,7 @@ def _loaded(model: Model, doc: str, ending: str, lines: Sequence[str], stop: flo
     name = class_name(identifier)
     head = _HEAD.format(doc=doc, cls=name, identifier=f"{identifier}_{ending}", stop=stop, step=step)
     text = head + "\n".join([*lines, ""])
-    file = toolchain.cache_folder() / f"behind-{sha256(text.encode()).hexdigest()[:16]}" / f"{identifier}.py"
-    files.write(file, text.encode())
+    file = cache.entry(f"behind-{sha256(text.encode()).hexdigest()[:16]}/{identifier}.py", text.encode)
     return load_class(f"{file}:{name}")
 
 

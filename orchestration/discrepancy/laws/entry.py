@@ -12,8 +12,8 @@ from orchestration.discrepancy.laws.evidence import Basis, Curve
 from orchestration.discrepancy.laws.signals import Signal
 
 Array = NDArray[np.float64]
-_SAME = 1.0 - 1e-6  # correlation of what two corrections do, above which they are one
-_ALIKE = 0.99  # correlation of what two corrections do, above which a record cannot tell them apart
+SAME = 1.0 - 1e-6  # correlation of what two corrections do, above which they are one
+ALIKE = 0.99  # correlation of what two corrections do, above which a record cannot tell them apart
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ class Entry:
 
 def alike(one: Entry, other: Entry) -> bool:
     """Whether a record cannot tell two corrections apart: they do the same to the outputs."""
-    return abs(float(one.direction @ other.direction)) >= _ALIKE
+    return abs(float(one.direction @ other.direction)) >= ALIKE
 
 
 def same(one: Entry, other: Entry) -> bool:
     """Whether two corrections are one in this record, and not only as far as it is known what they do."""
-    return abs(float(one.direction @ other.direction)) >= _SAME
+    return abs(float(one.direction @ other.direction)) >= SAME

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import chain, zip_longest
 
+import numpy as np
+
 from fmus.kit.symbolic.perturbed import PerturbedLaws
-from orchestration.discrepancy.laws.entry import Entry, alike, same
+from orchestration.discrepancy.laws.entry import ALIKE, SAME, Entry, same
 
 _MEMORY = ("", "leading", "lagged", "integrated", "throughput", "heat")  # the plainest first
 _NATURAL, _REMEMBERING, _OTHERS = 8, 8, 24  # entries that are fitted: of signals that the law hangs on, and others
@@ -32,6 +35,8 @@ class Plausible:
         families: Collection[str],
     ):  # fmt: skip
         self._laws, self._constants, self._other_names, self._families = laws, constants, other_names, families
+        self._beside = cache(laws.acts_beside)
+        self._computed_from = cache(laws.computed_from)
 
     def is_natural(self, entry: Entry) -> bool:
         """Whether the law hangs on the signal already, or is known to: its shape is the likeliest to be wrong.
@@ -48,7 +53,7 @@ class Plausible:
 
     def hangs_on_one_signal(self, law: str) -> bool:
         """Whether a law is computed from one input or state, or from none."""
-        return len(self._laws.computed_from(law)) <= 1
+        return len(self._computed_from(law)) <= 1
 
     def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, int, int]:
         """How far a correction is from what the model says, for an order: what is near it is the likelier one.
@@ -64,7 +69,7 @@ class Plausible:
         return not self._is_near(entry), remembers > 0, not known, not natural, odd, remembers
 
     def _is_near(self, entry: Entry) -> bool:
-        return self._laws.computed_from(entry.signal.name) <= {*self._laws.acts_beside(entry.law), "time"}
+        return self._computed_from(entry.signal.name) <= {*self._beside(entry.law), "time"}
 
     def reads(self, law: str, signal: str) -> bool:
         """Whether a signal, under any of its names, stands in a law itself."""
@@ -91,6 +96,8 @@ class Plausible:
         courses = dict.fromkeys(e.driven for e in entries)
         turns = [self._leaders([e for e in entries if e.driven == course]) for course in courses]
         for several in zip_longest(*turns, fillvalue=()):
+            if len(chosen) >= most:  # to look further takes long where there are thousands
+                break
             for e in chain(*several):
                 if len(chosen) < most and not any(same(e, c) for c in chosen.values()):
                     chosen.setdefault(e.what, e)
@@ -98,11 +105,14 @@ class Plausible:
 
     def _leaders(self, mine: Sequence[Entry]) -> Iterator[tuple[Entry, ...]]:
         """Of entries along one course those that do different things: the best, and what is nearest to the model."""
-        led: list[Entry] = []
-        for entry in mine:
-            if any(alike(entry, other) for other in led):
+        directions = np.array([entry.direction for entry in mine])
+        led = np.zeros(len(mine), dtype=bool)
+        for k, entry in enumerate(mine):
+            if led[k]:
                 continue
-            led.append(entry)
-            one = [e for e in mine if same(entry, e)]
-            like = [e for e in mine if alike(entry, e) and e.curve.gain > _NEARLY * entry.curve.gain]
-            yield min(one, key=self.far_fetched), min(like, key=self.far_fetched)
+            overlap = np.abs(directions @ entry.direction)
+            led |= overlap >= ALIKE
+            one = [mine[i] for i in np.flatnonzero(overlap >= SAME)]
+            like = [mine[i] for i in np.flatnonzero(overlap >= ALIKE)]
+            best = [e for e in like if e.curve.gain > _NEARLY * entry.curve.gain]
+            yield min(one, key=self.far_fetched), min(best, key=self.far_fetched)

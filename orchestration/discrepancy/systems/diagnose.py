@@ -7,7 +7,6 @@ and their course between samples can do to an output is not held against a membe
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 from orchestration.discrepancy.systems.cut import IsolatedMember, isolated_members
 from orchestration.discrepancy.systems.in_loop import LoopSimulation
 from orchestration.discrepancy.systems.member import MemberSimulation, opened
@@ -65,8 +65,8 @@ def diagnose_system(
     UserError
         If the system or the record cannot be used.
     """
-    with tempfile.TemporaryDirectory(prefix="ppy-ssp-", ignore_cleanup_errors=True) as folder:
-        system = ssp.read(ssp_path, Path(folder))
+    with scratch.folder("ssp") as folder:
+        system = ssp.read(ssp_path, folder)
         check(system)
         system, given = _configured(system, settings)
         renamed = parse_mapping(mapping)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 from orchestration.discrepancy.systems.cut import IsolatedMember
 from orchestration.discrepancy.systems.inputs import MemberInputs
 from orchestration.fmu.archive import unpack
@@ -153,4 +153,4 @@ def opened(
     try:
         yield MemberSimulation(isolated, time, folder, budget, progress)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        scratch.remove(folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import re
 import stat
 import uuid
@@ -58,12 +59,26 @@ def _identity(archive: Archive) -> Iterator[Finding]:
     elif (version := uuid.UUID(guid).version) in (1, 4, 6, 7):
         origin = "at random" if version == 4 else "from the clock"
         yield Finding(3, "warning", f"the GUID {guid} is made {origin}, not from the contents: no two builds agree")
-    if made := archive.description.get("generationDateAndTime"):
-        yield Finding(3, "warning", f"generationDateAndTime is {made}: no two builds are the same bytes")
     times = sorted({entry.date_time for entry in archive.entries()})
+    made = archive.description.get("generationDateAndTime", "")
+    if made and _same_day(made, times[-1]):
+        yield Finding(
+            3,
+            "warning",
+            f"generationDateAndTime is {made}, when the archive was packed: no two builds are the same bytes",
+        )
     if len(times) > 1:
         first, last = ("{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time) for time in (times[0], times[-1]))
         yield Finding(3, "warning", f"files carry times from {first} to {last}: no two builds are the same bytes")
+
+
+def _same_day(date: str, packed: tuple[int, ...]) -> bool:
+    """Whether a date is that of an entry but for the time zone: both come from the clock, and not from a release."""
+    try:
+        day = datetime.date.fromisoformat(date.strip()[:10])
+        return abs((day - datetime.date(*packed[:3])).days) <= 1
+    except ValueError:
+        return False
 
 
 def _documents(archive: Archive) -> Iterator[Finding]:

@@ -23,6 +23,7 @@ _PLATFORMS = {
     "win64": _Platform("PE", "x86_64", ".dll"),
     "darwin32": _Platform("Mach-O", "x86", ".dylib"),
     "darwin64": _Platform("Mach-O", "x86_64", ".dylib"),
+    "aarch64-linux": _Platform("ELF", "arm64", ".so"),  # a tuple of FMI 3.0, as FMI 2.0.4 has it for other processors
 }
 _EXPECTED = ("linux64", "win64", "darwin64")
 
@@ -42,7 +43,9 @@ _FUNCTIONS = {
 
 # Libraries every system of a platform has. Those of the first group go without saying.
 _LIBC = {"libc.so.6", "libm.so.6"}
-_GLIBC = {"libdl.so.2", "libpthread.so.0", "librt.so.1", "ld-linux.so.2", "ld-linux-x86-64.so.2"}
+_GLIBC = {
+    "libdl.so.2", "libpthread.so.0", "librt.so.1", "ld-linux.so.2", "ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1",
+}  # fmt: skip
 _VERSIONED = _LIBC | _GLIBC | {"libstdc++.so.6", "libgcc_s.so.1", "libgomp.so.1"}
 _WINDOWS = {
     "kernel32.dll", "kernelbase.dll", "ntdll.dll", "user32.dll", "gdi32.dll", "advapi32.dll", "shell32.dll",
@@ -111,7 +114,7 @@ def _binary(archive: Archive, folder: str, identifier: str, required: set[str]) 
 def _needs(name: str, folder: str, library: Library, inside: set[str]) -> Iterator[Finding]:
     usual, unusual = [], []
     for needed in library.needs:
-        if folder.startswith("linux"):
+        if library.format == "ELF":
             common, basic = needed in _GLIBC, needed in _LIBC
         elif folder.startswith("win"):
             basic = needed.lower() in _WINDOWS or needed.lower().startswith("api-ms-win-")

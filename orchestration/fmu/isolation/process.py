@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
+from fmus.kit.storage import scratch
 from orchestration.fmu.isolation.box import Box, State
 from orchestration.fmu.isolation.frames import receive, send
 from orchestration.fmu.isolation.limits import Limits
@@ -59,9 +59,7 @@ class Process:
         self._limits, self._open, self._memory = limits, ExitStack(), 0
 
     def __enter__(self) -> Process:
-        folder = Path(
-            self._open.enter_context(tempfile.TemporaryDirectory(prefix="ppy-fmu-", ignore_cleanup_errors=True))
-        )
+        folder = self._open.enter_context(scratch.folder("fmu"))
         self.box = Box(folder)
         self.box.clear()
         program = f"import sys; sys.path[:] = {sys.path!r}; from orchestration.fmu.isolation.child import main; main()"
@@ -92,6 +90,10 @@ class Process:
         self._reader.join()
         process.stdout.close()
         self._open.close()
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
 
     def _listen(self) -> None:
         stream = self._process.stdout

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
+from fmus.kit.build.library_cache import library, load
 from fmus.kit.errors import UserError
 
 # What an operation does, and why the kernel came back, as `kernel.c` has them.
@@ -51,22 +51,42 @@ class Progress(ctypes.Structure):
 
 
 @functools.cache
+def _kernel() -> Any:
+    """Compile the kernel, or take it from the cache; None if there is no compiler, or it cannot be kept or loaded."""
+    source = (Path(__file__).parent / _SOURCE).read_bytes()
+    try:
+        return load(library({_SOURCE: source}, _SOURCE, toolchain.host_platform()))
+    except UserError:
+        return None
+
+
+@functools.cache
 def stepper() -> Callable[[Any, int], int] | None:
-    """Compile the kernel, or take it from the cache.
+    """Return what carries out a program.
 
     Returns
     -------
     callable or None
-        Takes a reference to a `Progress` and the point to stop before, and returns why it came back. None if there is
-        no compiler, or what it makes cannot be kept or loaded: it can all be done without.
+        Takes a reference to a `Progress` and the point to stop before, and returns why it came back. None without a
+        kernel: it can all be done without.
     """
-    source = (Path(__file__).parent / _SOURCE).read_bytes()
-    try:
-        path = library({_SOURCE: source}, _SOURCE, toolchain.host_platform())
-        function: Any = ctypes.CDLL(str(path)).ppy_run
-    except (UserError, OSError):
-        return None
-    function.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
-    function.restype = ctypes.c_int
-    bound: Callable[[Any, int], int] = function
-    return bound
+    function = getattr(_kernel(), "ppy_run", None)
+    if function is not None:
+        function.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
+        function.restype = ctypes.c_int
+    return function
+
+
+def exit_watch() -> Callable[[Any, Any], None] | None:
+    """Return what has the process end with words and a status of failure, as long as a count is above zero.
+
+    Returns
+    -------
+    callable or None
+        Takes a reference to the count, and the words, both to be kept for good. None without a kernel.
+    """
+    function = getattr(_kernel(), "ppy_watch_exit", None)
+    if function is not None:
+        function.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+        function.restype = None
+    return function

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit.storage.cache import entry
 from orchestration.records import write_record
 from orchestration.rig.emulator.bench import NOISE, Bench
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
@@ -127,7 +128,7 @@ def draw(
     spread : float
         The others are off nominal by up to this share, with equal chance.
     cache : Path, optional
-        A folder in which records are kept; one drawn before by the same code is read from there.
+        A folder of this user's in which records are kept; one drawn before by the same code is read from there.
 
     Returns
     -------
@@ -145,13 +146,7 @@ def draw(
     make = partial(_draw, ids, seed, strength, noise_colour, duration, rate, outputs, at_rest, changed or {}, spread)
     if cache is None:
         return make()
-    file = cache / f"{_digest(repr(make.args))}.pickle"
-    if not file.exists():
-        drawn = make()
-        cache.mkdir(parents=True, exist_ok=True)
-        part = file.with_suffix(".part")
-        part.write_bytes(pickle.dumps(drawn))
-        part.replace(file)  # whole or not at all: the next run trusts what it finds
+    file = entry(f"{_digest(repr(make.args))}.pickle", lambda: pickle.dumps(make()), cache)
     kept: Drawn = pickle.loads(file.read_bytes())
     return kept
 

@@ -27,7 +27,7 @@ from orchestration.discrepancy.extended_model import destinations, export, exten
 from orchestration.fmu.check import check_fmu
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import catalogue as effects_of
-from orchestration.fmu.model import load_class
+from orchestration.fmu.model import find_model, load_class
 from orchestration.fmu.simulate import simulate_instance
 from orchestration.rig.emulator.records import draw
 from tests.contract import checks, structure
@@ -107,10 +107,10 @@ def one(request, made):
 def test_defaults_are_what_was_fitted(one):
     assert one.diagnosis.selection.best.candidate.effects == (one.hidden,)
     for path in one.fmus.values():
-        variables = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables}
+        parameters = find_model(str(path)).parameters
         for name, estimate in one.diagnosis.estimates.items():
-            assert float(variables[name].start) == estimate.value
-            assert variables[name].unit == estimate.unit
+            assert parameters[name].start == estimate.value
+            assert parameters[name].unit == estimate.unit
     assert {"charge_start", "velocity_start"} & set(one.diagnosis.estimates)
 
 

@@ -225,3 +225,38 @@ def test_bad_limits_are_told_in_a_line(options, told, lag, tmp_path):
         _, said = one.communicate(timeout=60)
     assert one.returncode == 2
     assert told in " ".join(said.split())
+
+
+# ---- in this process -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["exits", "exits_3", "exits_as_it_begins"])
+def test_an_exit_in_process_does_not_look_like_success(name, folder, tmp_path):
+    (tmp_path / "out.csv").write_text("dear\n")
+    run = ("simulate", build(name, folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--out", "out.csv")
+    with command(*run, "--no-isolate", cwd=tmp_path) as one:
+        _, told = one.communicate(timeout=120)
+    assert one.returncode == 2
+    assert told.splitlines()[-1] == f"error: {name}.fmu: the FMU has ended this process; give --isolate"
+    assert (tmp_path / "out.csv").read_text() == "dear\n"
+
+
+def test_a_second_ctrl_c_ends_a_hang_in_process(folder, tmp_path):
+    run = ("simulate", build("hangs", folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--no-isolate")
+    with command(*run, cwd=tmp_path) as one:
+        time.sleep(6.0)  # until it hangs
+        one.send_signal(signal.SIGINT)
+        time.sleep(1.0)
+        assert one.poll() is None, "nobody hears the first"
+        one.send_signal(signal.SIGINT)
+        _, told = one.communicate(timeout=20)
+    assert one.returncode == 130
+    assert told.splitlines()[-1] == "interrupted"
+
+
+def test_where_an_fmu_goes_to_the_result_does_not_follow(folder, tmp_path):
+    run = ("simulate", build("changes_the_folder", folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s")
+    with command(*run, "--no-isolate", "--out", "out.csv", cwd=tmp_path) as one:
+        _, told = one.communicate(timeout=120)
+    assert one.returncode == 0, told
+    assert (tmp_path / "out.csv").exists()

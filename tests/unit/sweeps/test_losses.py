@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from importlib.util import find_spec
 
 import numpy as np
@@ -15,6 +14,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
+from fmus.kit.storage import scratch
 from orchestration.sweeps.storage import journal, stored
 from tests.support.command import refused, works
 from tests.support.hosts import build_one_state_fmu
@@ -221,15 +221,10 @@ def test_a_lock_of_a_process_that_had_our_number_is_stale(folder):
 
 
 def test_where_a_folder_is_given_none_is_made_elsewhere(folder, monkeypatch):
-    asked, known = [], tempfile.TemporaryDirectory
-
-    def directory(*given, prefix=None, **more):
-        asked.append(prefix)
-        return known(*given, prefix=prefix, **more)
-
-    monkeypatch.setattr(tempfile, "TemporaryDirectory", directory)
+    asked, known = [], scratch.make
+    monkeypatch.setattr(scratch, "make", lambda kind: (asked.append(kind), known(kind))[1])
     call = {"over": {"tau": [1.0, 2.0]}, "time": TIME}
     ppy.sweep(str(folder / "one_state.fmu"), **call, folder=folder / "part")
-    assert "ppy-sweep-" not in asked
+    assert "sweep" not in asked
     ppy.sweep(str(folder / "one_state.fmu"), **call)
-    assert "ppy-sweep-" in asked
+    assert "sweep" in asked

@@ -11,7 +11,6 @@ import importlib.util
 import io
 import subprocess
 import sys
-import tempfile
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,6 +21,7 @@ from fmus.kit.build.contents import documents
 from fmus.kit.build.package import python_package
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
 
 # What of the contract (docs/reference/fmu-contract.md) such an archive cannot hold
 LIMITS = (
@@ -100,11 +100,11 @@ def _built(name: str, package: dict[str, bytes], platforms: Sequence[str] | None
     Modules of one name are one in a process, so these are named after what is in them.
     """
     stem = f"{name}_{archive.identity(package).strip('{}').replace('-', '')}"
-    with tempfile.TemporaryDirectory(prefix="ppy-") as folder:
-        inside, built = Path(folder) / f"{stem}_package", Path(folder) / "built.fmu"
+    with scratch.folder("build") as folder:
+        inside, built = folder / f"{stem}_package", folder / "built.fmu"
         for path, contents in package.items():
             files.write(inside / path, contents)
-        script = Path(folder) / f"{stem}.py"
+        script = folder / f"{stem}.py"
         files.write(script, _SCRIPT.format(package=inside.name, name=name).encode())
         command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(script), "-d", str(built), str(inside)]
         done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)

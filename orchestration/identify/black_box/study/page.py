@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
+from fmus.kit.storage import scratch
 from orchestration.identify.black_box.order_search import Row
 from orchestration.identify.black_box.study import pictures as drawn
 from orchestration.identify.black_box.study.study import BlackBox
@@ -52,9 +52,9 @@ def write(found: BlackBox, path: Path) -> Path:
         "noise order",
     ]
     page.table(head, [_cells(row, len(inputs)) for row in found.search.best])
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch.folder("page") as folder:
         for draw, caption in _PICTURES:
-            file = Path(folder) / f"{draw.__name__}.png"
+            file = folder / f"{draw.__name__}.png"
             pictures.save(draw(found), file)
             page.picture(file, caption)
     chosen = found.chosen.identification

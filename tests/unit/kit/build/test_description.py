@@ -1,4 +1,5 @@
 import io
+import re
 from pathlib import Path
 
 import fmpy
@@ -7,8 +8,8 @@ import pytest
 from fmpy.validation import validate_fmu
 
 import fmus
-from fmus.kit import Component, Effect, Output, Parameter, stack
-from fmus.kit.build import archive
+from fmus.kit import Component, Effect, Output, Parameter, UserError, stack
+from fmus.kit.build import archive, version
 from fmus.kit.build.description import CATEGORIES, Capabilities, describe
 from fmus.kit.build.documentation import page
 from fmus.kit.symbolic import codegen
@@ -17,6 +18,7 @@ from fmus.ppy_actuator.effects import EFFECTS
 from tests.support.kit_models import GUID, every_model
 from tests.support.kit_samples import Divider, Thermostat
 
+ROOT = Path(__file__).parents[4]
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"
 CAN = Capabilities(
     needs_execution_tool=False, interpolates_inputs=True, directional_derivatives=True, sources=("a.c", "b.c")
@@ -127,24 +129,63 @@ def test_header_and_experiment():
     assert {c.get("name") for c in root.iter("Category")} == set(CATEGORIES)
 
 
-def test_author_and_licence_are_the_components_own():
+def test_author_copyright_and_licence_are_the_components_own():
     def origin(cls):
         root = lxml.etree.fromstring(description(cls))
-        return root.get("author"), root.get("license")
+        return root.get("author"), root.get("copyright"), root.get("license")
 
     class Signed(Divider):
         author = "A. Person"
+        copyright = "Copyright (c) A. Person"
 
     ours = fmus.component("ppy_actuator")
-    project = ("the ppy-rig project", "BSD-3-Clause")
+    (holder,) = re.findall("^Copyright.*$", (ROOT / "LICENSE").read_text(encoding="utf-8"), re.M)
+    project = ("the ppy-rig project", holder, "BSD-3-Clause")
     assert origin(ours) == origin(stack(ours, *EFFECTS.values())) == project
-    assert origin(Divider) == (None, None)
-    assert origin(Signed) == ("A. Person", None)
+    assert origin(Divider) == (None, None, None)
+    assert origin(Signed) == ("A. Person", "Copyright (c) A. Person", None)
 
     class Own(Effect):
         id = "own"
 
-    assert origin(stack(ours, Own)) == (None, None)
+    assert origin(stack(ours, Own)) == (None, None, None)
+
+
+def test_date_is_that_of_the_version(monkeypatch):
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    (date,) = re.findall(rf"^## \[{re.escape(version())}\] - (\S+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.M)
+    assert read(Divider).generationDateAndTime == f"{date}T00:00:00Z"
+
+
+def test_date_is_that_of_the_environment(monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")  # as `date -u -d @1000000000` has it
+    assert read(Divider).generationDateAndTime == "2001-09-09T01:46:40Z"
+
+
+@pytest.mark.parametrize("given", ["now", "-1", "1.5", "253402300800", "9" * 4000, "٣"])
+def test_date_that_is_none_is_refused(monkeypatch, given):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", given)
+    with pytest.raises(UserError, match=r"^SOURCE_DATE_EPOCH = '.*': seconds since 1970 are wanted.* to 253402300799$"):
+        description(Divider)
+
+
+def test_one_unit_that_is_written_in_two_ways_is_defined_once():
+    class Twice(Component):
+        """Twice."""
+
+        name = "twice"
+        a = Parameter(1.0, "m/s^2", display="mm/s^2", doc="one way")
+        b = Parameter(1.0, "m/s/s", display="mm/s/s", doc="another")
+
+        @Output("m/s**2")
+        def y(self):
+            """Both."""
+            return self.a + self.b
+
+    (unit,) = read(Twice).unitDefinitions
+    assert (unit.name, [d.name for d in unit.displayUnits]) == ("m/s2", ["mm/s2"])
+    assert [v.unit for v in read(Twice).modelVariables] == ["m/s2"] * 3
+    assert [v.displayUnit for v in read(Twice).modelVariables[:2]] == ["mm/s2"] * 2
 
 
 def test_awkward_texts_are_escaped():
@@ -163,7 +204,7 @@ def test_awkward_texts_are_escaped():
     assert by_name == {"p": 'less < more & "so" — µ [page 3 & 4]', "y": "A < B & C"}
     assert "page 3 &amp; 4" in page(Awkward, Path("none.md"))
     tables = codegen.tables(trace(Awkward), GUID)
-    assert '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0}' in tables["model.c"]
+    assert '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0}' in tables["tables.h"]
 
 
 def test_the_description_ends_in_the_remark(monkeypatch):

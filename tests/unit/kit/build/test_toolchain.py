@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fmus.kit import UserError, build
-from fmus.kit.build import toolchain
+from fmus.kit.build import process, toolchain
 from fmus.kit.build.toolchain import compile_library, find_compiler
 from tests.support.kit_samples import Divider
 
@@ -48,7 +48,7 @@ def test_a_build_without_a_compiler_says_it_too():
 
 def test_unknown_platforms_are_refused():
     with pytest.raises(
-        UserError, match="unknown platform 'linux32'; FMI platforms built here: linux64, win64, darwin64"
+        UserError, match="unknown platform 'linux32'; FMI platforms built here: linux64, win64, darwin64, aarch64-linux"
     ):
         find_compiler("linux32")
 
@@ -69,7 +69,7 @@ def test_the_system_compiler_serves_this_platform_only(monkeypatch):
 
 @zig
 def test_zig_serves_every_platform():
-    assert build.available_platforms() == ["linux64", "win64", "darwin64"]
+    assert build.available_platforms() == ["linux64", "win64", "darwin64", "aarch64-linux"]
     assert find_compiler("darwin64").label == "zig"
 
 
@@ -87,14 +87,16 @@ def test_a_failing_compilation_is_told_in_one_line(tmp_path):
 
 def test_a_compiler_that_says_nothing_is_told_too(monkeypatch, source):
     silent = subprocess.CompletedProcess([], 1, stdout="", stderr="")
-    monkeypatch.setattr(subprocess, "run", lambda *a, **k: silent)
+    monkeypatch.setattr(process, "run", lambda *given: silent)
     monkeypatch.setattr(toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",)))
     with pytest.raises(UserError, match=r"^cc failed for linux64: no message$"):
         compile_library([source], [], "linux64")
 
 
 @zig
-@pytest.mark.parametrize(("target", "magic"), [("linux64", b"\x7fELF\x02\x01"), ("win64", b"MZ")])
+@pytest.mark.parametrize(
+    ("target", "magic"), [("linux64", b"\x7fELF\x02\x01"), ("win64", b"MZ"), ("aarch64-linux", b"\x7fELF\x02\x01")]
+)
 def test_libraries_have_the_format_of_their_platform(target, magic, source):
     library = compile_library([source], [], target, libraries=["m"])
     assert library.startswith(magic)
@@ -104,7 +106,8 @@ def test_libraries_have_the_format_of_their_platform(target, magic, source):
         assert library[offset : offset + 4] == b"PE\0\0"
         assert struct.unpack_from("<H", library, offset + 4) == (0x8664,)
     else:
-        assert struct.unpack_from("<H", library, 18) == (62,)  # EM_X86_64
+        machine = {"linux64": 62, "aarch64-linux": 183}[target]  # EM_X86_64, EM_AARCH64
+        assert struct.unpack_from("<H", library, 18) == (machine,)
 
 
 def thin(processor, payload):

@@ -3,19 +3,23 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import fmus
+from fmus.kit import UserError
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import trace
 from tests.support.kit_models import GUID, every_model
 from tests.support.kit_samples import Thermostat
+from tests.support.small_disk import disk_of_64_kib
 
 
 @every_model
 def test_generated_sources_are_deterministic(cls):
     first, second = (codegen.native_sources(trace(cls), GUID) for _ in range(2))
     assert first == second
-    assert set(first) == {"model.h", "model.c", "laws.c"}
-    assert first["laws.c"].startswith("#define CASADI_SYMBOL_EXPORT\n")
+    assert set(first) == {"model.h", "tables.h", "laws.c"}
+    assert first["laws.c"].startswith("#define CASADI_SYMBOL_EXPORT static inline\n")
     for n, _ in enumerate(cls.layout.sampled):
         assert f"X(update_{n})" in first["model.h"]
 
@@ -45,9 +49,21 @@ def test_tables_carry_start_values_ranges_and_groups():
     assert sizes == {
         "PARAMETERS": "12", "INPUTS": "2", "STATES": "2", "DISCRETES": "3", "OUTPUTS": "2", "GROUPS": "2", "TEXTS": "0",
     }  # fmt: skip
-    body = files["model.c"]
+    body = files["tables.h"]
     assert '{"stages", "1", ROLE_PARAMETER, TYPE_INTEGER, 2.0, 1.0, 5.0, 1.0},' in body
     assert '{"boost", "1", ROLE_INPUT, TYPE_BOOLEAN, 0.0, -INFINITY, INFINITY, 1.0},' in body
     assert "model_start_of[] = {7, 8, 9, 10, 11};" in body
     assert "{0.0, 6}," in body
     assert "{0.3, -1}," in body
+
+
+def test_laws_of_which_a_disk_takes_a_part_are_not_used(tmp_path, monkeypatch):
+    """CasADi writes what fits, and reports nothing."""
+    graph = trace(Thermostat)
+    with disk_of_64_kib(tmp_path / "disk") as disk:
+        (disk / "other").write_bytes(bytes(56 * 1024))
+        monkeypatch.setattr("tempfile.tempdir", str(disk))
+        with pytest.raises(UserError, match=rf"^{disk}: temporary files cannot be written there \(No space left"):
+            codegen.native_sources(graph, GUID)
+        (disk / "other").unlink()
+        assert "laws.c" in codegen.native_sources(graph, GUID)

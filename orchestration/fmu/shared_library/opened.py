@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import shutil
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -16,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.storage import scratch
 from orchestration.fmu.archive import first_line, read_description, unpack
-from orchestration.fmu.calls import bind
 from orchestration.fmu.isolation.box import doing, noted
-from orchestration.fmu.log import MessageLog
+from orchestration.fmu.shared_library import endings
+from orchestration.fmu.shared_library.calls import bind
+from orchestration.fmu.shared_library.log import MessageLog
 from orchestration.fmu.signal import Value
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ class OpenedFmu:
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.name = name or self.description.modelName
         self.label = f"{name}: {path.name}" if name else path.name
-        self._log = MessageLog()
+        self._log, self._here = MessageLog(), os.getcwd()
         self._shared, self._folder = folder, folder
         self._slave: Any = None
         self.warnings = 0
@@ -70,6 +71,7 @@ class OpenedFmu:
     def __enter__(self) -> Self:
         try:
             self._folder = self._shared or unpack(self.path)
+            endings.opened(self.label)
             with doing(f"{self.label}: loading"):
                 self._instantiate()
         except BaseException as error:
@@ -173,6 +175,9 @@ class OpenedFmu:
                     self._slave.fmi2FreeInstance(self._slave.component)
                 self._slave.freeLibrary()
             self._slave = None
+        endings.closed(self.label)
+        if os.getcwd() != self._here:  # where the FMU has gone to, nobody else wants to be
+            os.chdir(self._here)
         if self._folder is not None and self._folder != self._shared:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            scratch.remove(self._folder)
         self._folder = self._shared

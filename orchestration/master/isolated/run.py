@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from orchestration.fmu.isolation.box import Box
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.isolation.process import Ended, Process
+from orchestration.master.isolated.rows import left
 from orchestration.master.result import Run, Statistics, Stopped
-from orchestration.master.rows import left
 from orchestration.system.model import System
 
 Array = NDArray[np.float64]

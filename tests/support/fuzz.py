@@ -1,0 +1,170 @@
+"""Damaged files, thousands of them, given to whatever reads files; what is neither read nor refused is told.
+
+``python -m tests.support.fuzz --seconds 600 --seed 7`` goes on for ten minutes; findings are left in ``build/fuzz``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import resource
+import signal
+import sys
+import tempfile
+import time
+import warnings
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+LONGEST, MEMORY = 10, 1_000_000_000  # s for a file, and bytes for all of them
+KINDS = ("csv", "mat", "tdms", "parquet", "nc", "toml", "fmu", "xml", "ssp", "ssd")
+_TIME = 0.1 * np.arange(200)
+_FAMILIAR = [b"0", b"-1", b"nan", b"1e400", b"\x00", b"\xff", b"<", b">", b"&x;", b'"', b"[", b"]", b",", b";", b"\n",
+             b"9" * 400, b"=", b"..", b"/", b"\\", b"true", b"\xef\xbb\xbf", b"(" * 500, b"<a>" * 300]  # fmt: skip
+
+
+def originals(folder: Path) -> dict[str, bytes]:
+    """Valid files of every kind."""
+    import nptdms
+    import pandas
+    from scipy.io import savemat
+
+    import orchestration as ppy
+    from orchestration.experiment import results
+    from orchestration.system import library
+    from orchestration.system.ssp.writing import write
+    from tests.support.hosts import build_one_state_fmu
+
+    voltage = np.sin(_TIME)
+    made: dict[str, bytes] = {}
+    lines = [f"{t:.1f},{v:.6f},{i}" for t, v, i in zip(_TIME, voltage, _TIME > 5.0, strict=True)]
+    made["csv"] = ("time [s],voltage [V],current [A]\n" + "\n".join(lines)).encode()
+    savemat(folder / "r.mat", {"time": _TIME, "voltage": voltage, "units": {"time": "s", "voltage": "V"}})
+    with nptdms.TdmsWriter(folder / "r.tdms") as writer:
+        writer.write_segment([nptdms.ChannelObject("g", n, v) for n, v in (("time", _TIME), ("voltage", voltage))])
+    pandas.DataFrame({"time": _TIME, "voltage": voltage}).to_parquet(folder / "r.parquet")
+    results.write(ppy.run("fig_3_4", settings={"duration": "1 s"}), folder / "r.nc")
+    write(library.system("dma_bench", "native"), folder / "r.ssp")
+    build_one_state_fmu(folder).rename(folder / "r.fmu")
+    for kind in ("mat", "tdms", "parquet", "nc", "ssp", "fmu"):
+        made[kind] = (folder / f"r.{kind}").read_bytes()
+    made["toml"] = (Path(__file__).parents[2] / "examples" / "release.toml").read_bytes()
+    for kind, archive, inside in (("xml", "fmu", "modelDescription.xml"), ("ssd", "ssp", "SystemStructure.ssd")):
+        with zipfile.ZipFile(folder / f"r.{archive}") as opened:
+            made[kind] = opened.read(inside)
+    return made
+
+
+def damaged(data: bytes, draw: random.Random) -> bytes:
+    """One to four changes: bits, bytes, pieces that go, come twice or move, an end that is missing, familiar words."""
+    changed = bytearray(data)
+    for _ in range(draw.randint(1, 4)):
+        at, size = draw.randrange(len(changed) + 1), draw.choice([1, 2, 8, 64, 1000])
+        act = draw.randrange(7)
+        if act == 0 and at < len(changed):
+            changed[at] ^= 1 << draw.randrange(8)
+        elif act == 1:
+            changed[at : at + size] = draw.randbytes(size)
+        elif act == 2:
+            del changed[at : at + size]
+        elif act == 3:
+            changed[at:at] = changed[at : at + size]
+        elif act == 4:
+            del changed[at:]
+        elif act == 5:
+            changed[at:at] = draw.choice(_FAMILIAR)
+        else:
+            other = draw.randrange(len(changed) + 1)
+            changed[other:other] = changed[at : at + size]
+    return bytes(changed)
+
+
+def readers() -> dict[str, Callable[[Path], Any]]:
+    """What reads each kind, as a command does."""
+    from orchestration.experiment import results
+    from orchestration.fmu.check import check_fmu
+    from orchestration.fmu.model import find_model
+    from orchestration.records import read_record
+    from orchestration.sweeps.file import read_sweep
+    from orchestration.system.ssp.reading import read
+
+    def record(path: Path) -> Any:
+        return read_record(path, {"voltage": "V", "current": "A"})
+
+    def fmu(path: Path) -> Any:
+        return check_fmu(path), find_model(str(path))
+
+    def packed(path: Path) -> Any:
+        archive = path.with_suffix(".fmu")
+        with zipfile.ZipFile(archive, "w") as opened:
+            opened.writestr("modelDescription.xml", path.read_bytes())
+        return fmu(archive)
+
+    def system(path: Path) -> Any:
+        with tempfile.TemporaryDirectory() as folder:
+            return read(path, Path(folder))
+
+    records = dict.fromkeys(("csv", "mat", "tdms", "parquet"), record)
+    return {**records, "nc": results.read, "fmu": fmu, "xml": packed, "ssp": system, "ssd": system,
+            "toml": lambda path: read_sweep(path, lambda line: None)}  # fmt: skip
+
+
+def tried(read: Callable[[Path], Any], path: Path) -> str:
+    """What comes of a file: nothing if it is read, or refused in a line."""
+    from fmus.kit.errors import UserError
+
+    signal.alarm(LONGEST)
+    try:
+        read(path)
+    except UserError as error:
+        return "" if "\n" not in str(error) else f"more than a line: {error}"
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    finally:
+        signal.alarm(0)
+    return ""
+
+
+def fuzz(seed: int, counts: dict[str, int], seconds: float, left: Path | None = None) -> dict[str, Any]:
+    """Try files until there were so many of each kind, or the time is over."""
+    warnings.simplefilter("error")
+
+    def too_long(number: int, frame: Any) -> None:
+        raise TimeoutError(f"more than {LONGEST} s")
+
+    signal.signal(signal.SIGALRM, too_long)
+    draw, found, done = random.Random(seed), [], dict.fromkeys(counts, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        made, reading, end = originals(Path(folder)), readers(), time.monotonic() + seconds
+        while time.monotonic() < end and any(done[kind] < counts[kind] for kind in counts):
+            kind = draw.choice([kind for kind in counts if done[kind] < counts[kind]])
+            path = Path(folder) / f"damaged.{kind}"
+            path.write_bytes(damaged(made[kind], draw))
+            done[kind] += 1
+            if told := tried(reading[kind], path):
+                found.append(f"{kind} {done[kind]} of seed {seed}: {told}")
+                if left is not None:
+                    (left / f"{seed}-{len(found)}.{kind}").write_bytes(path.read_bytes())
+    return {"found": found, "done": done, "memory": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--counts", type=json.loads, default=dict.fromkeys(KINDS, 10**9))
+    chosen = parser.parse_args()
+    left = Path("build/fuzz")
+    left.mkdir(parents=True, exist_ok=True)
+    told = fuzz(chosen.seed, chosen.counts, chosen.seconds, left)
+    print(json.dumps(told))
+    sys.exit(bool(told["found"]))
+
+
+if __name__ == "__main__":
+    main()
