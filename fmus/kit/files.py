@@ -7,6 +7,7 @@ import functools
 import os
 import sys
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 
 from fmus.kit.errors import UserError
@@ -77,7 +78,16 @@ def _sync(folder: Path) -> None:
 
 def is_file(path: Path) -> bool:
     """Whether there is a file; a name that no file can have, such as a far too long one, is none either."""
+    return _is(path.is_file)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder; likewise."""
+    return _is(path.is_dir)
+
+
+def _is(question: Callable[[], bool]) -> bool:
     try:
-        return path.is_file()
+        return question()
     except (OSError, ValueError):
         return False

@@ -20,7 +20,7 @@ def build(
     effects: Sequence[str] = (),
     platforms: Sequence[str] | None = None,
 ) -> Path:
-    """Build a component as an FMU 2.0 for co-simulation.
+    """Build a component as an FMU 2.0.
 
     Parameters
     ----------

@@ -138,7 +138,7 @@ def read_description(path: Path) -> Any:
 
 
 def unpack(path: Path) -> str:
-    """Unzip an FMU into a new folder of `scratch`, which the caller removes.
+    """Unzip what runs of an FMU into a new folder of `scratch`, which the caller removes: no sources, no pages.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def unpack(path: Path) -> str:
             raise UserError(f"{path}: no binary for {fmpy.platform}; it has {there}")
     folder = scratch.make("fmu")
     try:
-        fmpy.extract(str(path), str(folder))
+        fmpy.extract(str(path), str(folder), include=lambda name: _runs(name, fmpy.platform))
     except BaseException as error:
         scratch.remove(folder)
         if not isinstance(error, Exception):
@@ -162,6 +162,12 @@ def unpack(path: Path) -> str:
             raise scratch.no_room(folder.parent, error) from error
         raise UserError(f"{path}: cannot be loaded ({first_line(error)})") from error
     return str(folder)
+
+
+def _runs(name: str, platform: str) -> bool:
+    """Whether an entry of an archive is needed to run it: to make files and folders takes longer than to load them."""
+    top, _, inside = name.partition("/")
+    return top not in ("sources", "documentation") and (top != "binaries" or inside.startswith(f"{platform}/"))
 
 
 def first_line(error: Exception) -> str:

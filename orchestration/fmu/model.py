@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.kit.errors import UserError, suggestion
-from fmus.kit.files import is_file
+from fmus.kit.files import is_file, is_folder
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.effects import catalogue, find_effects
 from orchestration.fmu.loading import load_class, names_class
@@ -186,6 +186,8 @@ def _from_fmu(name: str) -> Model:
     path = Path(name)
     if not is_file(path) and path.suffix != ".fmu":
         hint = suggestion(name, MODELS, few=0)
+        if is_folder(path):
+            raise UserError(f"{name} is a folder; name an .fmu in it, or a component: {', '.join(MODELS)}")
         raise UserError(
             f"no component named {name!r}{hint}; there are: {', '.join(MODELS)}; or name file.py:Class or an .fmu"
         )

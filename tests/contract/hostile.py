@@ -341,8 +341,8 @@ def with_an_empty_name(library):
 
 
 @creating
-def for_model_exchange(library):
-    return Instance(library, kind=0)
+def of_another_kind(library):
+    return Instance(library, kind=7)
 
 
 @creating

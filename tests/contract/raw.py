@@ -35,6 +35,16 @@ class _Callbacks(ctypes.Structure):
     ]
 
 
+_EXCHANGE: dict[str, list[Any]] = {
+    "fmi2EnterEventMode": [],
+    "fmi2EnterContinuousTimeMode": [],
+    "fmi2NewDiscreteStates": [c_void_p],
+    "fmi2CompletedIntegratorStep": [c_int, c_void_p, c_void_p],
+    "fmi2SetTime": [c_double],
+    **{f"fmi2{name}": [c_void_p, c_size_t]
+       for name in ("SetContinuousStates", "GetContinuousStates", "GetNominalsOfContinuousStates", "GetDerivatives",
+                    "GetEventIndicators")},
+}  # fmt: skip
 _SIGNATURES: dict[str, list[Any]] = {
     "fmi2SetDebugLogging": [c_int, c_size_t, c_void_p],
     "fmi2SetupExperiment": [c_int, c_double, c_double, c_int, c_double],
@@ -95,7 +105,8 @@ class Library:
         self.dll.fmi2Instantiate.restype = c_void_p
         self.dll.fmi2FreeInstance.argtypes = [c_void_p]
         self.dll.fmi2FreeInstance.restype = None
-        for name, arguments in _SIGNATURES.items():
+        exchanges = description.find("ModelExchange") is not None
+        for name, arguments in (_SIGNATURES | (_EXCHANGE if exchanges else {})).items():
             getattr(self.dll, name).argtypes = [c_void_p, *arguments]
 
     @property

@@ -65,13 +65,12 @@ def defined(object_file: Path) -> set[str]:
 
 
 def of_the_standard(folder: Path) -> set[str]:
-    """Functions of FMI 2.0 co-simulation, by the names of the standard header."""
+    """Functions of FMI 2.0 by the names of the standard header; a proxy has none of model exchange."""
     text = (folder / "fmi2Functions.h").read_text()
-    common, _, rest = text[text.index("#define fmi2GetTypesPlatform") :].partition(
-        "Functions for FMI2 for Model Exchange"
-    )
-    found = re.findall(r"^#define (fmi2\w+)\s+fmi2FullName", common + rest.partition("for Co-Simulation")[2], re.M)
-    return set(found)
+    common, _, rest = text[text.index("#define fmi2GetTypesPlatform") :].partition("FMI2 for Model Exchange")
+    if not (folder / "laws.c").exists():
+        rest = rest.partition("for Co-Simulation")[2]
+    return set(re.findall(r"^#define (fmi2\w+)\s+fmi2FullName", common + rest, re.M))
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -79,6 +78,7 @@ def test_sources_compile_without_a_warning_and_offer_fmi_alone(sources, name, co
     folder = sources(name)
     functions = of_the_standard(folder)
     assert {"fmi2Instantiate", "fmi2DoStep", "fmi2GetStringStatus"} <= functions
+    assert ("fmi2NewDiscreteStates" in functions) == (folder / "laws.c").exists()
     assert defined(compiled(compiler, folder)) == functions
     prefixed = compiled(compiler, folder, f"-DFMI2_FUNCTION_PREFIX={name}_")
     assert defined(prefixed) == {f"{name}_{function}" for function in functions}

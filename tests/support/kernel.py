@@ -28,12 +28,18 @@ def without_compiler() -> Iterator[None]:
     def absent(target: str) -> toolchain.Compiler:
         raise UserError(f"no C compiler for {target} on this machine")
 
-    library.stepper.cache_clear()
+    forget_kernel()
     try:
         with patch.object(toolchain, "find_compiler", absent):
             yield
     finally:
-        library.stepper.cache_clear()
+        forget_kernel()
+
+
+def forget_kernel() -> None:
+    """Have the kernel compiled, or looked for, anew."""
+    for kept in (library._kernel, library.stepper):
+        kept.cache_clear()
 
 
 @functools.cache

@@ -81,6 +81,7 @@ def plan(cls: type[Component], runtime: str) -> Plan:
         needs_execution_tool=not native,
         interpolates_inputs=native and cls.engine is None,
         directional_derivatives=native and cls.engine is None,
+        model_exchange=native and cls.engine is None,
         sources=(UNIT,) if native else (),
     )
 

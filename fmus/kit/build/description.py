@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` of FMI 2.0 for Co-Simulation, in full, from a component's declarations and its graph."""
+"""``modelDescription.xml`` of FMI 2.0 in full, from a component's declarations and its graph."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ CATEGORIES = {
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a build can do beyond the common; declared truthfully in ``CoSimulation``.
+    """What a build can do beyond the common; declared truthfully in ``CoSimulation`` and ``ModelExchange``.
 
     Attributes
     ----------
@@ -56,6 +56,8 @@ class Capabilities:
         A Python interpreter must be there at run time.
     interpolates_inputs : bool
     directional_derivatives : bool
+    model_exchange : bool
+        A host may integrate the states.
     sources : tuple of str
         Source files listed for recompilation.
     """
@@ -63,6 +65,7 @@ class Capabilities:
     needs_execution_tool: bool
     interpolates_inputs: bool
     directional_derivatives: bool
+    model_exchange: bool = False
     sources: tuple[str, ...] = ()
 
 
@@ -92,17 +95,9 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
         variableNamingConvention="structured",
     )  # fmt: skip
     root.attrib |= _origin(cls)
-    cosimulation = SubElement(
-        root, "CoSimulation", modelIdentifier=cls.name,
-        needsExecutionTool=_flag(can.needs_execution_tool), canHandleVariableCommunicationStepSize="true",
-        canInterpolateInputs=_flag(can.interpolates_inputs), canNotUseMemoryManagementFunctions="true",
-        canGetAndSetFMUstate=_flag(cls.engine is None), canSerializeFMUstate=_flag(cls.engine is None),
-        providesDirectionalDerivative=_flag(can.directional_derivatives),
-    )  # fmt: skip
-    if can.sources:
-        files = SubElement(cosimulation, "SourceFiles")
-        for name in can.sources:
-            SubElement(files, "File", name=name)
+    if can.model_exchange:
+        root.set("numberOfEventIndicators", str(graph.indicators.numel()))
+    _interfaces(root, cls, can)
     _units(root, cls.layout)
     categories = SubElement(root, "LogCategories")
     for name, text in CATEGORIES.items():
@@ -114,6 +109,24 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     _variables(root, cls)
     _structure(root, cls.layout, graph)
     return serialized(root)
+
+
+def _interfaces(root: Element, cls: type[Component], can: Capabilities) -> None:
+    common = {
+        "needsExecutionTool": _flag(can.needs_execution_tool), "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": _flag(cls.engine is None), "canSerializeFMUstate": _flag(cls.engine is None),
+        "providesDirectionalDerivative": _flag(can.directional_derivatives),
+    }  # fmt: skip
+    own = {"CoSimulation": {"canHandleVariableCommunicationStepSize": "true",
+                            "canInterpolateInputs": _flag(can.interpolates_inputs)}}  # fmt: skip
+    if can.model_exchange:  # it comes first in the schema
+        own = {"ModelExchange": {"completedIntegratorStepNotNeeded": "true"}} | own
+    for name, attributes in own.items():
+        interface = SubElement(root, name, {"modelIdentifier": cls.name} | common | attributes)
+        if can.sources:
+            files = SubElement(interface, "SourceFiles")
+            for source in can.sources:
+                SubElement(files, "File", name=source)
 
 
 def _origin(cls: type[Component]) -> dict[str, str]:

@@ -42,7 +42,12 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
     return dict.fromkeys(("linux64", "darwin64", "aarch64-linux"), (library,))
 
 
-_NATIVE = EngineSources((FOLDER / "native.h",), (FOLDER / "native.c", FOLDER / "integrate.c"), ("laws.c",), _unix("m"))
+_NATIVE = EngineSources(
+    (FOLDER / "native.h",),
+    tuple(FOLDER / name for name in ("native.c", "integrate.c", "exchange.c")),
+    ("laws.c",),
+    _unix("m"),
+)
 _PYTHON = EngineSources(
     (FOLDER / "python.h",),
     tuple(FOLDER / name for name in ("python.c", "library.c", "interpreter.c", "resources.c")),

@@ -1,4 +1,4 @@
-/* FMI 2.0 co-simulation: reading and writing variables, directional derivatives. */
+/* FMI 2.0: reading and writing variables, directional derivatives. */
 #include "evaluate.h"
 #include "instance.h"
 
@@ -54,23 +54,26 @@ static bool texts_valid(const Instance *instance, const char *function, const fm
 
 /* ---- reading ------------------------------------------------------------------------------------ */
 
-static bool readable(Instance *instance, const char *function, Type type, const fmi2ValueReference vr[], size_t n,
-                     const void *values) {
+static fmi2Status readable(Instance *instance, const char *function, Type type, const fmi2ValueReference vr[], size_t n,
+                           const void *values) {
+    fmi2Status status = fmi2OK;
     if (!allowed(instance, READABLE, function) || !valid(instance, function, type, vr, n, values))
-        return false;
-    for (size_t i = 0; i < n; i++) {
+        return fmi2Error;
+    for (size_t i = 0; i < n && status == fmi2OK; i++) {
         Role role = model_variables[vr[i]].role;
-        if ((role == ROLE_OUTPUT && refresh_outputs(instance) != fmi2OK) ||
-            (role == ROLE_DERIVATIVE && refresh_derivatives(instance) != fmi2OK))
-            return false;
+        if (role == ROLE_OUTPUT)
+            status = refresh_outputs(instance);
+        else if (role == ROLE_DERIVATIVE)
+            status = refresh_derivatives(instance);
     }
-    return true;
+    return status;
 }
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
     Instance *instance = c;
-    if (!readable(instance, "fmi2GetReal", TYPE_REAL, vr, n, value))
-        return fmi2Error;
+    fmi2Status status = readable(instance, "fmi2GetReal", TYPE_REAL, vr, n, value);
+    if (status != fmi2OK)
+        return status;
     for (size_t i = 0; i < n; i++)
         value[i] = instance->now.memory[vr[i]];
     return fmi2OK;
@@ -78,8 +81,9 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], si
 
 EXPORT fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]) {
     Instance *instance = c;
-    if (!readable(instance, "fmi2GetInteger", TYPE_INTEGER, vr, n, value))
-        return fmi2Error;
+    fmi2Status status = readable(instance, "fmi2GetInteger", TYPE_INTEGER, vr, n, value);
+    if (status != fmi2OK)
+        return status;
     for (size_t i = 0; i < n; i++)
         if (fabs(instance->now.memory[vr[i]]) > INT_MAX)
             return report(instance, fmi2Error, "fmi2GetInteger: '%s' = %g does not fit into an Integer",
@@ -91,8 +95,9 @@ EXPORT fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[],
 
 EXPORT fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]) {
     Instance *instance = c;
-    if (!readable(instance, "fmi2GetBoolean", TYPE_BOOLEAN, vr, n, value))
-        return fmi2Error;
+    fmi2Status status = readable(instance, "fmi2GetBoolean", TYPE_BOOLEAN, vr, n, value);
+    if (status != fmi2OK)
+        return status;
     for (size_t i = 0; i < n; i++)
         value[i] = instance->now.memory[vr[i]] != 0.0 ? fmi2True : fmi2False;
     return fmi2OK;
@@ -115,10 +120,13 @@ static double number(Type type, const void *values, size_t i) {
 
 static bool settable(const Instance *instance, const char *function, const Variable *variable, double value) {
     bool started = ((int)instance->now.mode & BEFORE_START) == 0;
-    if (variable->role > ROLE_INPUT)
+    bool integrated = variable->role == ROLE_STATE && ((int)instance->now.mode & (EVENT | CONTINUOUS)) != 0;
+    if (variable->role > ROLE_INPUT && !integrated) /* hosts that integrate may set states one by one */
         report(instance, fmi2Error, "%s: '%s' is calculated and cannot be set", function, variable->name);
     else if (variable->role == ROLE_PARAMETER && started)
         report(instance, fmi2Error, "%s: parameter '%s' cannot be set after initialization", function, variable->name);
+    else if (variable->type != TYPE_REAL && instance->now.mode == CONTINUOUS)
+        report(instance, fmi2Error, "%s: '%s' is discrete and can be set in event mode only", function, variable->name);
     else if (!isfinite(value))
         report(instance, fmi2Error, "%s: '%s' = %g is not a finite number", function, variable->name, value);
     else if (variable->type == TYPE_BOOLEAN && value != 0.0 && value != 1.0)
@@ -132,7 +140,7 @@ static bool settable(const Instance *instance, const char *function, const Varia
 static fmi2Status set(Instance *instance, const char *function, Type type, const fmi2ValueReference vr[], size_t n,
                       const void *values) {
     bool parameters = false;
-    if (!allowed(instance, BEFORE_START | STEP_COMPLETE, function) || !valid(instance, function, type, vr, n, values))
+    if (!allowed(instance, BEFORE_START | RUNNING, function) || !valid(instance, function, type, vr, n, values))
         return fmi2Error;
     for (size_t i = 0; i < n; i++) {
         if (!settable(instance, function, &model_variables[vr[i]], number(type, values, i)))
@@ -161,7 +169,7 @@ EXPORT fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[],
 EXPORT fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[]) {
     static const char function[] = "fmi2SetString";
     Instance *instance = c;
-    if (!allowed(instance, BEFORE_START | STEP_COMPLETE, function) || !texts_valid(instance, function, vr, n, value))
+    if (!allowed(instance, BEFORE_START | RUNNING, function) || !texts_valid(instance, function, vr, n, value))
         return fmi2Error;
     for (size_t i = 0; i < n; i++) {
         const char *name = model_texts[vr[i] - MODEL_VARIABLES].name;

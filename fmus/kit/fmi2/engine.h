@@ -2,7 +2,7 @@
  *
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
- *     engine      native.c integrate.c,   python.c library.c interpreter.c resources.c,   or a component's own
+ *     engine      native.c integrate.c exchange.c,   python.c library.c interpreter.c resources.c,   or a component's own
  *     model       model.h tables.h, and laws.c with the native engine   (generated)
  *
  * All of it is one translation unit, and all but the functions of FMI is static: FMUs compiled from source, each with an
@@ -13,6 +13,7 @@
  * model.h, sizes known at compile time (macros; laws sizes only with the native engine):
  *     MODEL_PARAMETERS MODEL_INPUTS MODEL_STATES MODEL_DISCRETES MODEL_OUTPUTS MODEL_GROUPS MODEL_TEXTS
  *     LAWS_SZ_ARG LAWS_SZ_RES LAWS_SZ_IW LAWS_SZ_W      maxima over all functions of laws.c
+ *     MODEL_INDICATORS     event indicators; with the native engine only
  *     LAWS_UPDATES(X)      expands to  X(update_0) X(update_1) ...  and to nothing without groups
  * tables.h, read below, static constants:
  *     char model_name[], model_guid[]
@@ -30,6 +31,7 @@
  *     update_k -> all discretes after the update of group k; those outside the group unchanged
  *     tangent  has four more inputs, a direction of parameters, inputs, states and discretes,
  *              -> the directional derivatives of the rates and of the outputs
+ *     indicators -> what changes its sign where rates or outputs switch
  *     Every result is dense (casadi.densify): a sparse one would put its values in the wrong places.
  *     Before anything else it says `#define CASADI_SYMBOL_EXPORT static inline`, for it has functions that nobody calls.
  *
@@ -112,8 +114,8 @@ typedef char Message[MESSAGE_SIZE]; /* one line, filled in by whoever returns NU
 
 typedef struct Engine Engine;
 
-/* An engine also defines the constants `static const bool engine_interpolates, engine_differentiates`: whether inputs may
-   have slopes, and whether engine_tangent works. */
+/* An engine also defines the constants `static const bool engine_interpolates, engine_differentiates, engine_exchanges`:
+   whether inputs may have slopes, whether engine_tangent works, and whether it has the functions of model exchange. */
 
 enum { TEXT_SIZE = 512 }; /* with the terminating zero */
 typedef char TextValue[TEXT_SIZE];

@@ -3,10 +3,15 @@
 
 #include <math.h>
 
+/* A host that integrates can try a shorter step. */
+static fmi2Status refused(const Instance *instance) {
+    return instance->now.mode == CONTINUOUS ? fmi2Discard : fmi2Error;
+}
+
 bool all_finite(const Instance *instance, int first, int end) {
     for (int i = first; i < end; i++)
         if (!isfinite(instance->now.memory[i])) {
-            report(instance, fmi2Error, "'%s' is not a finite number at t = %.10g s", model_variables[i].name,
+            report(instance, refused(instance), "'%s' is not a finite number at t = %.10g s", model_variables[i].name,
                    instance->now.time);
             return false;
         }
@@ -14,7 +19,7 @@ bool all_finite(const Instance *instance, int first, int end) {
 }
 
 static fmi2Status evaluation_failed(const Instance *instance, const char *message) {
-    return report(instance, fmi2Error, "evaluation at t = %.10g s failed: %s", instance->now.time, message);
+    return report(instance, refused(instance), "evaluation at t = %.10g s failed: %s", instance->now.time, message);
 }
 
 fmi2Status refresh_outputs(Instance *instance) {
@@ -25,7 +30,7 @@ fmi2Status refresh_outputs(Instance *instance) {
     if (!engine_evaluate(instance->engine, instance->now.time, message))
         return evaluation_failed(instance, message);
     if (!all_finite(instance, FIRST_OUTPUT, FIRST_DERIVATIVE))
-        return fmi2Error;
+        return refused(instance);
     instance->now.outputs_outdated = 0.0;
     return fmi2OK;
 }
@@ -38,7 +43,7 @@ fmi2Status refresh_derivatives(Instance *instance) {
     if (!engine_differentiate(instance->engine, instance->now.time, message))
         return evaluation_failed(instance, message);
     if (!all_finite(instance, FIRST_DERIVATIVE, MODEL_VARIABLES))
-        return fmi2Error;
+        return refused(instance);
     instance->now.derivatives_outdated = 0.0;
     return fmi2OK;
 }

@@ -12,6 +12,8 @@ static const char *mode_name(int mode) {
     case INSTANTIATED: return "before initialization";
     case INITIALIZATION: return "during initialization";
     case STEP_COMPLETE: return "between steps";
+    case EVENT: return "in event mode";
+    case CONTINUOUS: return "in continuous-time mode";
     case FAILED: return "after an error";
     default: return "after termination";
     }

@@ -7,15 +7,18 @@
 
 #define EXPORT FMI2_Export
 
-/* Modes of the state machine of FMI 2.0 co-simulation; bits, so that a set of modes is a sum. */
+/* Modes of the state machines of FMI 2.0, of co-simulation and of model exchange; bits, so that a set is a sum. */
 enum {
     INSTANTIATED = 1,
     INITIALIZATION = 2,
     STEP_COMPLETE = 4,
     FAILED = 8,
     TERMINATED = 16,
+    EVENT = 32,
+    CONTINUOUS = 64,
     BEFORE_START = INSTANTIATED | INITIALIZATION,
-    READABLE = INITIALIZATION | STEP_COMPLETE | FAILED | TERMINATED,
+    RUNNING = STEP_COMPLETE | EVENT | CONTINUOUS,
+    READABLE = INITIALIZATION | RUNNING | FAILED | TERMINATED,
     ANY_MODE = INSTANTIATED | READABLE
 };
 
@@ -35,6 +38,7 @@ typedef struct {
     State before; /* the state to return to when a step fails */
     Engine *engine;
     TextValue texts[MODEL_TEXTS + 1];
+    fmi2Type type; /* who integrates: the FMU, or the host */
     char *name;
     fmi2CallbackFunctions host;
     bool logging;

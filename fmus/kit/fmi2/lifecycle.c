@@ -1,4 +1,4 @@
-/* FMI 2.0 co-simulation: creation, initialization and end of an instance. */
+/* FMI 2.0: creation, initialization and end of an instance. */
 #include "evaluate.h"
 #include "instance.h"
 
@@ -44,8 +44,9 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
         return NULL;
     if (name == NULL || *name == '\0')
         snprintf(message, sizeof message, "fmi2Instantiate: the instance of %s has no name", model_name);
-    else if (type != fmi2CoSimulation)
-        snprintf(message, sizeof message, "fmi2Instantiate: %s is made for co-simulation only", model_name);
+    else if (type != fmi2CoSimulation && !(engine_exchanges && type == fmi2ModelExchange))
+        snprintf(message, sizeof message, "fmi2Instantiate: %s is made for co-simulation%s, not for type %d", model_name,
+                 engine_exchanges ? " and model exchange" : "", (int)type);
     else if (guid == NULL || strcmp(guid, model_guid) != 0)
         snprintf(message, sizeof message,
                  "fmi2Instantiate: GUID %.100s does not belong to this build of %s, which has %s",
@@ -63,6 +64,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     strcpy(instance->name, name);
     memcpy(&instance->host, host, sizeof instance->host); /* FMI 2.0.0 has constant fields, which cannot be assigned */
     instance->logging = logging != fmi2False;
+    instance->type = type;
     reset(instance);
     instance->engine = engine_create(instance->now.memory, (const TextValue *)instance->texts, resources, message);
     if (instance->engine == NULL) {
@@ -151,13 +153,13 @@ EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     touch(instance, false);
     if (refresh_outputs(instance) != fmi2OK || refresh_derivatives(instance) != fmi2OK)
         return fail(instance);
-    instance->now.mode = STEP_COMPLETE;
+    instance->now.mode = instance->type == fmi2ModelExchange ? EVENT : STEP_COMPLETE;
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2Terminate(fmi2Component c) {
     Instance *instance = c;
-    if (!allowed(instance, STEP_COMPLETE | FAILED, "fmi2Terminate"))
+    if (!allowed(instance, RUNNING | FAILED, "fmi2Terminate"))
         return fmi2Error;
     engine_terminate(instance->engine);
     instance->now.mode = TERMINATED;

@@ -11,6 +11,7 @@ static Law *const updates[] = {LAWS_UPDATES(UPDATE_ADDRESS) NULL};
 #undef UPDATE_ADDRESS
 
 static const bool engine_interpolates = true;
+static const bool engine_exchanges = true;
 static const bool engine_differentiates = true;
 
 Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message) {
@@ -75,13 +76,12 @@ static bool update(Engine *engine, int group, double time) {
     return true;
 }
 
-static double period_of(const Engine *engine, int group) {
+double period_of(const Engine *engine, int group) {
     int parameter = model_groups[group].period_parameter;
     return parameter < 0 ? model_groups[group].period : engine->memory[parameter];
 }
 
-/* Makes the updates that are due and finds where the integration has to stop next: the next sample or `end`. */
-static bool sample(Engine *engine, double time, double end, double *target, Message message) {
+bool sample(Engine *engine, double time, double end, double *target, Message message) {
     double *counters = engine->memory + MEMORY_COUNTERS, start = engine->memory[MEMORY_START_TIME];
     *target = end;
     for (int i = 0; i < MODEL_GROUPS; i++) {

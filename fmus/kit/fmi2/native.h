@@ -47,6 +47,11 @@ static inline bool call(Engine *engine, Law *law) {
     return law(engine->arg, engine->res, engine->iw, engine->w, 0) == 0;
 }
 
+/* Makes the updates that are due and finds where the integration has to stop next: the next sample or `end`. */
+static bool sample(Engine *engine, double time, double end, double *target, Message message);
+
+static double period_of(const Engine *engine, int group);
+
 /* Integrates the states from `time` to `target`, all else being held. */
 static bool integrate(Engine *engine, double time, double target, Message message);
 

@@ -21,6 +21,7 @@ struct Engine {
 };
 
 static const bool engine_interpolates = false;
+static const bool engine_exchanges = false;
 static const bool engine_differentiates = false;
 
 /* Every FMU is imported under a name of its own, so that FMUs never share modules. Only those names and one module

@@ -1,4 +1,4 @@
-/* FMI 2.0 co-simulation: saving, restoring and serializing the complete state of an instance. */
+/* FMI 2.0: saving, restoring and serializing the complete state of an instance. */
 #include "instance.h"
 
 #include <stdint.h>
@@ -69,6 +69,7 @@ EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     Instance *instance = c;
     const Snapshot *snapshot = state;
+    int other;
     if (!possible(instance, "fmi2SetFMUstate"))
         return fmi2Error;
     if (state == NULL)
@@ -76,6 +77,10 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     if (snapshot->magic != snapshot_magic || snapshot->model != hash(HASH_START, model_guid, strlen(model_guid)))
         return report(instance, fmi2Error, "fmi2SetFMUstate: the state does not belong to this build of %s",
                       model_name);
+    other = instance->type == fmi2ModelExchange ? STEP_COMPLETE : EVENT | CONTINUOUS;
+    if (((int)snapshot->state.mode & other) != 0)
+        return report(instance, fmi2Error, "fmi2SetFMUstate: the state is of an instance of %s",
+                      instance->type == fmi2ModelExchange ? "co-simulation" : "model exchange");
     instance->now = snapshot->state;
     return fmi2OK;
 }

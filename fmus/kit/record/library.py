@@ -117,7 +117,7 @@ class RecordLibrary:
 def sources(graph: Graph, states: int) -> dict[str, bytes]:
     """C files of a graph, of whose states the first are those of the component."""
     written = {p.name: p.read_bytes() for p in FOLDER.iterdir() if p.is_file()} | fmi_headers()
-    written |= {k: v.encode() for k, v in codegen.native_sources(graph, "", tangent=False).items()}
+    written |= {k: v.encode() for k, v in codegen.native_sources(graph, "", hosted=False).items()}
     written["record.h"] = f"#define RECORD_STATES {states}\n".encode()
     return written | {UNIT: unit("record.c", "native.c", "laws.c")}
 

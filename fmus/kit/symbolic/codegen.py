@@ -107,7 +107,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     return {"model.h": "\n".join(header) + "\n", "tables.h": "\n".join(body) + "\n"}
 
 
-def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, str]:
+def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, str]:
     """Write every generated file of the native build.
 
     Parameters
@@ -115,21 +115,25 @@ def native_sources(graph: Graph, guid: str, tangent: bool = True) -> dict[str, s
     graph : Graph
         The traced component.
     guid : str
-    tangent : bool
-        Whether directional derivatives are wanted.
+    hosted : bool
+        Whether there will be an FMU, whose host may ask for directional derivatives and event indicators.
 
     Returns
     -------
     dict of str to str
         ``model.h``, ``tables.h`` and ``laws.c``.
     """
-    functions = graph.functions(tangent)
+    functions = graph.functions(hosted)
+    if hosted:
+        functions.append(ca.Function("indicators", graph.arguments, ca.cse([graph.indicators])))
     sizes = {
         "ARG": max(f.sz_arg() for f in functions), "RES": max(f.sz_res() for f in functions),
         "IW": max(1, *(f.sz_iw() for f in functions)), "W": max(1, *(f.sz_w() for f in functions)),
     }  # fmt: skip
     files = tables(graph, guid)
     updates = "".join(f" X(update_{i})" for i in range(len(graph.updates)))
+    if hosted:
+        files["model.h"] += f"#define MODEL_INDICATORS {graph.indicators.numel()}\n"
     lines = [*(f"#define LAWS_SZ_{k} {n}" for k, n in sizes.items()), f"#define LAWS_UPDATES(X){updates}", "#endif"]
     files["model.h"] += "\n".join(lines) + "\n"
     files["laws.c"] = _LAWS.format(_generate(functions))

@@ -19,6 +19,7 @@ from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
+from fmus.kit.symbolic.switches import switches
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,11 @@ class Graph:
             return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[v.name]] for v in group))
 
         return starts(self.layout.states), starts(self.layout.discretes)
+
+    @cached_property
+    def indicators(self) -> ca.SX:
+        """What changes its sign where rates or outputs switch."""
+        return switches([self.rates, self.outputs], self.arguments, [self.time, self.inputs, self.states])
 
     def functions(self, tangent: bool = True) -> list[ca.Function]:
         """CasADi functions that the native engine calls (``fmi2/engine.h``).

@@ -9,6 +9,7 @@
 #include <string.h>
 
 static const bool engine_interpolates = false;
+static const bool engine_exchanges = false;
 static const bool engine_differentiates = false;
 
 static const double FAREWELL = 0.2; /* s, for the rig's answer to `disconnect` */

@@ -112,7 +112,7 @@ class Plausible:
                 continue
             overlap = np.abs(directions @ entry.direction)
             led |= overlap >= ALIKE
-            one = [mine[i] for i in np.flatnonzero(overlap >= SAME)]
-            like = [mine[i] for i in np.flatnonzero(overlap >= ALIKE)]
+            one = [mine[i] for i in np.flatnonzero(overlap >= SAME).tolist()]
+            like = [mine[i] for i in np.flatnonzero(overlap >= ALIKE).tolist()]
             best = [e for e in like if e.curve.gain > _NEARLY * entry.curve.gain]
             yield min(one, key=self.far_fetched), min(best, key=self.far_fetched)

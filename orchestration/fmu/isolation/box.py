@@ -48,6 +48,8 @@ class State(NamedTuple):
         Another one whenever something was begun or ended.
     listed : bool
         Whether what it does is an operation of the kernel, which is the same at every point.
+    step : bool
+        Whether that is a step to the point.
     """
 
     doing: str
@@ -55,13 +57,15 @@ class State(NamedTuple):
     row: int
     beat: tuple[int, int, int]
     listed: bool = False
+    step: bool = False
 
     def words(self, time: Sequence[float] | Array, otherwise: str) -> str:
         """What an FMU was asked to do, and where in time (n,)."""
         if not self.listed or not 0 <= self.point < len(time):
             return self.doing or otherwise
-        step = self.doing.endswith(": step")
-        return f"{self.doing} from {time[self.point - 1]:g} s" if step else f"{self.doing} at {time[self.point]:g} s"
+        if self.step:
+            return f"{self.doing} from {time[self.point - 1]:g} s"
+        return f"{self.doing} at {time[self.point]:g} s"
 
 
 class Box:
@@ -108,8 +112,8 @@ class Box:
         """Let another run have the memory of this one."""
         self._taken.discard(self._slot(run))
 
-    def begin(self, run: Progress, legend: list[str]) -> None:
-        """Note that the kernel carries out a run whose operations are these."""
+    def begin(self, run: Progress, legend: list[tuple[str, bool]]) -> None:
+        """Note that the kernel carries out a run of these operations: what is asked, and whether it is a step."""
         if (slot := self._slot(run)) != _NONE:
             (self.folder / f"{_LEGEND}{slot}").write_bytes(pickle.dumps(legend))
         self._head.slot = slot
@@ -146,9 +150,9 @@ class Box:
             return State(doing, head.point, 0, (head.beat, 0, 0))
         run = self._runs[head.slot]
         legend = pickle.loads((self.folder / f"{_LEGEND}{head.slot}").read_bytes())
-        operation = legend[min(run.position, len(legend) - 1)] if legend else ""
+        operation, step = legend[min(run.position, len(legend) - 1)] if legend else ("", False)
         beat = (head.beat, run.point, run.position)
-        return State(doing or operation, run.point, run.row, beat, bool(operation and not doing))
+        return State(doing or operation, run.point, run.row, beat, bool(operation and not doing), step)
 
     def about(self) -> Any:
         """What was kept; None without."""

@@ -8,6 +8,7 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
+from fmus.kit.errors import UserError
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.isolation.process import Ended, Process
 
@@ -75,7 +76,7 @@ class Pool:
         self._idle.put(process)
         return answer
 
-    def _started(self) -> Process:
+    def _started(self, again: bool = True) -> Process:
         process = Process(self._limits)
         process.__enter__()
         self._all.append(process)
@@ -83,5 +84,9 @@ class Pool:
             process.call(self._begin, *self._arguments)
         except BaseException as error:
             process.__exit__(type(error), error, None)
+            if isinstance(error, Ended) and again:  # somebody else may have ended it
+                return self._started(again=False)
+            if isinstance(error, Ended):
+                raise UserError(f"{error.state.doing or 'to begin'}: {error.reason}") from error
             raise
         return process

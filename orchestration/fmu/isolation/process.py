@@ -18,6 +18,7 @@ from fmus.kit.storage import scratch
 from orchestration.fmu.isolation.box import Box, State
 from orchestration.fmu.isolation.frames import receive, send
 from orchestration.fmu.isolation.limits import Limits
+from orchestration.fmu.kernel.library import stepper
 
 _LOOK = 0.1  # s between two looks at how far it is
 _GRACE = 2.0  # s that a call has to end after Ctrl-C
@@ -62,6 +63,7 @@ class Process:
         folder = self._open.enter_context(scratch.folder("fmu"))
         self.box = Box(folder)
         self.box.clear()
+        stepper()  # compiled here if need be: a compiler may take more memory than an FMU is allowed
         program = f"import sys; sys.path[:] = {sys.path!r}; from orchestration.fmu.isolation.child import main; main()"
         self._process = subprocess.Popen(
             [sys.executable, "-c", program, str(folder), str(self._limits.bytes)],

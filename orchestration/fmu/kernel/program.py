@@ -154,12 +154,13 @@ class Program:
         self._kept.append(memory)
         return ctypes.addressof(memory)
 
-    def legend(self) -> list[str]:
-        """What is asked of whom in each operation; empty where no FMU is asked anything."""
+    def legend(self) -> list[tuple[str, bool]]:
+        """What is asked of whom in each operation, empty where it is no FMU, and whether that is a step."""
         return [
-            f"{self.owners[o.owner]}: {_ASKED[o.kind]}" if o.kind in _ASKED and self.owners else ""
+            (f"{self.owners[o.owner]}: {_ASKED[o.kind]}" if o.kind in _ASKED and self.owners else "",
+             o.kind == library.STEP)
             for o in self.operations
-        ]
+        ]  # fmt: skip
 
 
 def _goes_on(why: Return) -> None:

@@ -46,7 +46,7 @@ class OpenedFmu:
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.name = name or self.description.modelName
         self.label = f"{name}: {path.name}" if name else path.name
-        self._log, self._here = MessageLog(), os.getcwd()
+        self._log, self._here = MessageLog(), ""
         self._shared, self._folder = folder, folder
         self._slave: Any = None
         self.warnings = 0
@@ -70,6 +70,7 @@ class OpenedFmu:
 
     def __enter__(self) -> Self:
         try:
+            self._here = os.getcwd()
             self._folder = self._shared or unpack(self.path)
             endings.opened(self.label)
             with doing(f"{self.label}: loading"):
@@ -88,14 +89,13 @@ class OpenedFmu:
         self.close()
 
     def _instantiate(self) -> None:
-        here = Path.cwd()
         try:
             self._slave = fmi2.FMU2Slave(
                 guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.name,
                 modelIdentifier=self.description.coSimulation.modelIdentifier,
             )  # fmt: skip
         finally:
-            os.chdir(here)  # where loading fails, fmpy leaves the process in the unzipped folder
+            os.chdir(self._here)  # where loading fails, fmpy leaves the process in the unzipped folder
         self._slave.instantiate(callbacks=self._log.callbacks)
         self._setters: dict[str, Callable[[Array], None]] = {}  # to make one costs ten times what setting a value does
         step = bind(self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int)
@@ -176,8 +176,8 @@ class OpenedFmu:
                 self._slave.freeLibrary()
             self._slave = None
         endings.closed(self.label)
-        if os.getcwd() != self._here:  # where the FMU has gone to, nobody else wants to be
-            os.chdir(self._here)
+        if self._here:
+            os.chdir(self._here)  # where the FMU may have gone to, nobody else wants to be
         if self._folder is not None and self._folder != self._shared:
             scratch.remove(self._folder)
         self._folder = self._shared

@@ -38,7 +38,7 @@ def test_signals_units_and_types(archive):
     about = {v.name: v for v in description.modelVariables}
     outputs = {v.name: v.unit for v in description.modelVariables if v.causality == "output"}
     assert outputs == {
-        "R1": "ohm", "R2": "ohm", "C": "F", "impedance": "ohm", "impedance_change": "1", "voltage_limit": "V",
+        "R1": "Ohm", "R2": "Ohm", "C": "F", "impedance": "Ohm", "impedance_change": "1", "voltage_limit": "V",
         "estimate_valid": None, "tracked_angular_frequency": "rad/s",
     }  # fmt: skip
     assert {n: about[n].unit for n in about if about[n].causality == "input"} == {"current": "A", "voltage": "V"}

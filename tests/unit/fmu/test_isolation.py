@@ -13,6 +13,7 @@ import tempfile
 import time
 
 import numpy as np
+import psutil
 import pytest
 
 import orchestration as ppy
@@ -52,9 +53,8 @@ def nothing_left(tmp_path, monkeypatch):
 
 
 def children():
-    """Processes that this one has started, which are not over."""
-    told = subprocess.run(["ps", "--ppid", str(os.getpid()), "-o", "pid=,comm="], capture_output=True, text=True)
-    return [line for line in told.stdout.splitlines() if line.split()[1] != "ps"]
+    """Processes that this one has started to run FMUs."""
+    return [child for child in psutil.Process().children() if "isolation.child" in " ".join(child.cmdline())]
 
 
 def response(points):
@@ -202,13 +202,11 @@ def test_where_its_parent_is_killed_it_ends(folder, tmp_path):
 
 
 def grandchildren(pid):
-    told = subprocess.run(["ps", "--ppid", str(pid), "-o", "pid="], capture_output=True, text=True)
-    return [int(line) for line in told.stdout.split()]
+    return [child.pid for child in psutil.Process(pid).children()]
 
 
 def alive(pid):
-    told = subprocess.run(["ps", "-p", str(pid), "-o", "stat="], capture_output=True, text=True)
-    return bool(told.stdout.strip()) and not told.stdout.startswith("Z")
+    return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
 
 
 @pytest.mark.parametrize(

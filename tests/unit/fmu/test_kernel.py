@@ -19,7 +19,7 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import library, pulse
 from orchestration.fmu.simulate import simulate_instance
 from tests.support.hosts import build_minimal_pythonfmu, build_one_state_fmu, finish_in_subprocess
-from tests.support.kernel import in_a_bare_loop, one_foreign_fmu, without_compiler
+from tests.support.kernel import forget_kernel, in_a_bare_loop, one_foreign_fmu, without_compiler
 from tests.support.kit_samples import Adder
 from tests.support.master.samples import build_member
 from tests.support.master.sleeper import build_sleeper
@@ -204,18 +204,18 @@ def test_what_hinders_compiling_hinders_nobody_from_simulating(fmu, tmp_path, mo
         monkeypatch.setenv("PPY_CACHE", str(tmp_path / "file" if hindrance == "cache is a file" else tmp_path))
     if hindrance == "compiler fails":
         monkeypatch.setattr(toolchain, "compile_library", refused)
-    library.stepper.cache_clear()
+    forget_kernel()
     try:
         assert library.stepper() is None
         assert simulated(path, TIME, {"current": CURRENT}) == expected
     finally:
-        library.stepper.cache_clear()
+        forget_kernel()
 
 
 def test_the_kernel_is_compiled_once_and_found_by_what_it_is_made_of(tmp_path, monkeypatch):
     monkeypatch.setenv("PPY_CACHE", str(tmp_path))
     for _ in range(2):
-        library.stepper.cache_clear()
+        forget_kernel()
         assert library.stepper() is not None
     assert len([path for path in tmp_path.iterdir() if path.suffix != ".sha256"]) == 1
-    library.stepper.cache_clear()
+    forget_kernel()

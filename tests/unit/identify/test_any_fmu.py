@@ -5,7 +5,6 @@ Oracles: closed forms, and the exact sensitivities of our own equations.
 
 from __future__ import annotations
 
-import os
 import tempfile
 from dataclasses import replace
 
@@ -17,7 +16,9 @@ import orchestration as ppy
 from fmus.kit import UserError
 from fmus.kit.record.compiled import CompiledModel
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.fmu.isolation.limits import Limits, isolating
 from orchestration.identify.any_fmu import FmuWithDifferences
+from tests.support import misbehaving
 from tests.support.hosts import build_one_state_fmu, build_pythonfmu
 
 TIME = 0.1 * np.arange(101)
@@ -170,6 +171,23 @@ def test_a_process_that_ends_is_told_in_a_line(lag):
     with FmuWithDifferences(lag, ["tau"], ["x"], workers=2) as fmu:
         fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.0})
         for process in psutil.Process().children():
-            os.kill(process.pid, 9)
+            if "isolation.child" in " ".join(process.cmdline()):
+                process.kill()
         with pytest.raises(UserError, match=r"one_state\.fmu: its process was ended by SIGKILL"):
             fmu.run(TIME, {"u": np.ones(101)}, {"tau": 5.0})
+
+
+def test_in_a_process_of_its_own_a_fit_is_the_same(lag):
+    with FmuWithDifferences(lag, ["tau"], ["x"]) as fmu:
+        here = fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.5})
+    with isolating(Limits()), FmuWithDifferences(lag, ["tau"], ["x"]) as fmu:
+        there = fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.5})
+    assert there.signals["x"].tobytes() == here.signals["x"].tobytes()
+    assert there.sensitivities["x"].tobytes() == here.sensitivities["x"].tobytes()
+
+
+def test_an_fmu_that_ends_its_process_in_a_fit_is_told_in_a_line(tmp_path):
+    bad = ppy.find_model(str(misbehaving.build("exits", tmp_path)))
+    with isolating(Limits()), FmuWithDifferences(bad, ["tau"], ["x"]) as fmu, pytest.raises(UserError) as refused:
+        fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.5})
+    assert str(refused.value) == "exits.fmu: step from 1 s: its process ended (exit status 0)"

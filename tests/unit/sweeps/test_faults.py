@@ -13,7 +13,9 @@ import pytest
 
 import orchestration as ppy
 from fmus.kit import UserError
+from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.repeated import RepeatedFmu
+from tests.support import misbehaving
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
 from tests.support.small_disk import disk_of_64_kib
 from tests.support.source import ROOT
@@ -118,3 +120,35 @@ def test_a_disk_that_fills_while_cases_fail_loses_nothing(tmp_path, small_disk):
     again = ppy.sweep(fragile, **call, folder=small_disk / "part", progress=lambda done, whole: seen.append(done))
     assert seen[0] > 5
     assert again.identical(ppy.sweep(fragile, **call))
+
+
+def test_an_fmu_in_processes_of_its_own_comes_to_the_same_bits(lag):
+    call = {
+        "over": {"tau": "0.5..4:23"},
+        "inputs": {"u": np.sin(TIME)},
+        "time": TIME,
+        "keep": ["last", "mean", "trace"],
+    }
+    here = ppy.sweep(lag, **call)
+    for workers in (1, 2):
+        assert ppy.sweep(lag, **call, isolate=True, workers=workers).identical(here)
+    assert ppy.sweep(lag, **call, isolate=None).identical(here), "it is a file that somebody gave"
+
+
+@pytest.mark.parametrize(
+    ("act", "told"),
+    [("exits", "step from 1 s: its process ended (exit status 0)"), ("hangs", "step from 1 s: no answer within 1 s")],
+)
+def test_a_case_of_an_fmu_that_harms_its_process_fails_in_a_line(act, told, tmp_path):
+    bad = str(misbehaving.build(act, tmp_path))
+    found = ppy.sweep(bad, {"tau": [1.0, 2.0]}, {"u": 1.0}, time=TIME, isolate=True, limits=Limits(step_timeout=1.0))
+    assert found["failure"].values.tolist() == 2 * [f"{act}.fmu: {told}"]
+    short = ppy.sweep(bad, {"tau": [1.0, 2.0]}, {"u": 1.0}, time=TIME[:9], isolate=True)
+    assert short["x_last"].values == pytest.approx(1.0 - np.exp(-TIME[8] / np.array([1.0, 2.0])), abs=1e-12)
+    assert "failure" not in short
+
+
+def test_an_fmu_that_cannot_be_opened_in_a_process_of_its_own_is_told_in_a_line(tmp_path):
+    bad = str(misbehaving.build("crashes_as_it_begins", tmp_path))
+    with pytest.raises(UserError, match=r"^crashes_as_it_begins\.fmu: loading: its process was ended by SIGSEGV$"):
+        ppy.sweep(bad, {"tau": [1.0, 2.0]}, {"u": 1.0}, time=TIME, isolate=True)

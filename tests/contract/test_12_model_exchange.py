@@ -1,0 +1,284 @@
+"""Line 12: where the host integrates, the FMU is the same laws: rates, samples as time events, indicators, refusals."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import re
+from ctypes import byref, c_double, c_int
+
+import pytest
+
+from fmus import component
+from fmus.kit import Component, Input, Output, Parameter, State, absolute, maximum, stack, where
+from tests.contract.models import BrokenRate, Sampler
+from tests.contract.raw import ERROR, Instance, Library, doubles, instance, integers, unzipped
+
+EXCHANGE, COSIMULATION, DISCARD = 0, 1, 2
+
+
+class Kinks(Component):
+    """A ramp, and integrals of it that begin at the edge of a dead zone, at zero and above an input."""
+
+    name = "kinks"
+
+    edge = Parameter(1.0, "1", min=-9, max=9, doc="edge of the dead zone")
+    level = Input("1", start=2.0, doc="a level")
+    ramp = State("1", rate="unity", start=-1.0, output=True, doc="rises by one a second")
+    beyond = State("1", rate="excess", output=True, doc="integral of what is beyond the edge")
+    relay = State("1", rate="above", output=True, doc="time spent above the level")
+
+    def unity(self):
+        return 1.0 + 0.0 * self.ramp
+
+    def excess(self):
+        return maximum(self.ramp - self.edge, 0.0)
+
+    def above(self):
+        return where(self.ramp > self.level, 1.0, 0.0) * where(self.edge > 0.0, 1.0, 2.0)
+
+    @Output("1")
+    def size(self):
+        """Magnitude of the ramp"""
+        return absolute(self.ramp)
+
+
+class _Event(ctypes.Structure):
+    _fields_ = (
+        *((name, c_int) for name in ("needed", "terminate", "nominals", "values", "defined")), ("time", c_double),
+    )  # fmt: skip
+
+
+class Exchanged(Instance):
+    """An instance that the host integrates."""
+
+    def __init__(self, library: Library, **given):
+        super().__init__(library, kind=EXCHANGE, **given)
+
+    def array(self, function: str, n: int) -> list[float]:
+        values = (c_double * n)()
+        self.do(f"fmi2{function}", values, n)
+        return list(values)
+
+    def at(self, time: float, *states: float) -> None:
+        self.do("fmi2SetTime", time)
+        self.do("fmi2SetContinuousStates", doubles(*states), len(states))
+
+    def event(self) -> _Event:
+        event = _Event()
+        self.do("fmi2NewDiscreteStates", byref(event))
+        return event
+
+
+@pytest.fixture
+def exchanged(built):
+    """Opens an instance of a class for model exchange."""
+    opened = []
+
+    def open_one(cls):
+        folder = unzipped(built(cls, "native"))
+        one = Exchanged(Library(folder.__enter__()))
+        opened.extend([folder, one])
+        assert one.component is not None, one.messages
+        return one
+
+    yield open_one
+    for each in reversed(opened):
+        each.__exit__(None, None, None)
+
+
+def test_rates_are_those_of_the_law(exchanged):
+    one = exchanged(component("ppy_actuator")).initialize({"R1": 0.5, "R2": 2.0, "C": 3.0, "current": 0.25})
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    one.at(4.0, 1.5, 2e-5, 1e-5)
+    rate = one.array("GetDerivatives", 3)
+    # eq. 3.5, first row: dQ/dt = (R2 i - Q/C) / (R1 + R2); without load the dashpots creep back
+    assert rate == pytest.approx([(2.0 * 0.25 - 0.5) / 2.5, -1e4 * 2e-5 / 2e6, 0.0], rel=1e-14)
+    assert one.array("GetContinuousStates", 3) == [1.5, 2e-5, 1e-5]
+    assert one.array("GetNominalsOfContinuousStates", 3) == [1.0, 1e-4, 1e-4]
+    assert one.get("voltage") == pytest.approx([0.5 * rate[0] + 0.5], rel=1e-14)
+    assert one.get("der(charge)") == [rate[0]]
+    assert one.tangent(["der(charge)"], ["charge"], [1.0]) == pytest.approx([-1 / 3.0 / 2.5], rel=1e-14)
+    flags = c_int(7), c_int(7)
+    one.do("fmi2CompletedIntegratorStep", 1, byref(flags[0]), byref(flags[1]))
+    assert [flag.value for flag in flags] == [0, 0]
+
+
+def test_samples_are_time_events_at_their_instants(exchanged):
+    one = exchanged(Sampler).initialize({"u": 1.0, "rate": 3.0, "period": 0.1, "step": 2}, start=5.0)
+
+    def lag(time):
+        return 1.0 - 0.75 * math.exp(-3.0 * (time - 5.0))
+
+    found, total, last, instants = [], 0.0, 0.0, []
+    event = one.event()  # the first sample falls on the start
+    for k in range(41):
+        time = 5.0 + 0.025 * k
+        if k % 4 == 0:
+            instants.append(time)
+        # groups one after another: the slow one first, as it is declared first
+        last = lag(time) if k % 4 == 0 else last
+        total += lag(time) - 0.1 * total
+        found.append(event.time)
+        assert event.needed == event.terminate == event.nominals == event.values == 0
+        assert event.defined == 1
+        assert one.get("count", "last") == pytest.approx([2.0 * len(instants), last], rel=1e-12)
+        assert one.get("instant") == pytest.approx([instants[-1]], abs=1e-12)
+        assert one.get("total") == pytest.approx([total], rel=1e-12)
+        again = one.event()  # whoever asks twice samples once
+        assert again.time == event.time
+        assert one.get("count") == [2.0 * len(instants)]
+        one.do("fmi2EnterContinuousTimeMode")
+        one.at(event.time, lag(event.time))
+        one.do("fmi2EnterEventMode")
+        event = one.event()
+    assert found == pytest.approx([5.0 + 0.025 * (k + 1) for k in range(41)], abs=1e-12)
+
+
+def test_nothing_sampled_has_no_time_events(exchanged):
+    assert exchanged(Kinks).initialize().event().defined == 0
+
+
+def test_indicators_change_sign_where_laws_switch_and_there_only(exchanged):
+    one = exchanged(Kinks).initialize({"edge": 1.0})
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    places = []
+    before = None
+    for k in range(-100, 401):  # between the places, so that none is met exactly
+        one.at(0.0, ramp := 0.01 * k + 0.005, 0.0, 0.0)
+        signs = [z > 0.0 for z in one.array("GetEventIndicators", 3)]
+        places += [ramp - 0.005 for was, now in zip(before or signs, signs, strict=True) if was != now]
+        before = signs
+    assert places == pytest.approx([0.0, 1.0, 2.0], abs=1e-9)
+
+
+def test_a_state_is_saved_and_restored_in_the_middle_and_is_not_of_the_other_kind(built, exchanged):
+    one = exchanged(Sampler).initialize({"u": 1.0})
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    one.at(0.02, 0.4)
+    state = one.save()
+    before = one.everything()
+    one.at(0.025, 0.5)
+    one.do("fmi2EnterEventMode")
+    one.event()
+    assert one.everything() != before
+    one.restore(state)
+    assert one.everything() == before
+    assert one.array("GetContinuousStates", 1) == [0.4]
+    block = one.serialize(state)
+    one.forget(state)
+    with instance(built(Sampler, "native")) as other:
+        other.initialize()
+        foreign = other.deserialize(block)
+        assert other.call("fmi2SetFMUstate", foreign) == ERROR
+        assert other.messages == ["fmi2SetFMUstate: the state is of an instance of model exchange"]
+        other.forget(foreign)
+        own = other.save()
+        block = other.serialize(own)
+        other.forget(own)
+    foreign = one.deserialize(block)
+    assert one.call("fmi2SetFMUstate", foreign) == ERROR
+    assert one.messages == ["fmi2SetFMUstate: the state is of an instance of co-simulation"]
+    one.forget(foreign)
+
+
+def test_reset_begins_anew(exchanged):
+    one = exchanged(Sampler).initialize({"u": 1.0})
+    first = one.event().time, one.everything()
+    one.do("fmi2EnterContinuousTimeMode")
+    one.at(0.02, 0.4)
+    one.do("fmi2Reset")
+    one.initialize({"u": 1.0})
+    assert (one.event().time, one.everything()) == first
+    one.do("fmi2Terminate")
+
+
+REFUSED = {
+    "a step": ("continuous", lambda o: o.call("fmi2DoStep", 0.0, 0.1, 1), "fmi2DoStep is not allowed in continuous-"),
+    "samples between events": (
+        "continuous", lambda o: o.call("fmi2NewDiscreteStates", byref(_Event())), "not allowed in continuous-time mode",
+    ),
+    "a completed step in an event": (
+        "event", lambda o: o.call("fmi2CompletedIntegratorStep", 1, byref(c_int()), byref(c_int())), "in event mode",
+    ),
+    "time during initialization": ("init", lambda o: o.call("fmi2SetTime", 1.0), "not allowed during initialization"),
+    "time that is none": ("event", lambda o: o.call("fmi2SetTime", math.nan), "fmi2SetTime: -?nan is not a finite"),
+    "too many states": (
+        "continuous", lambda o: o.call("fmi2SetContinuousStates", doubles(1, 2), 2), "2 elements, but there are 1",
+    ),
+    "no room for states": (
+        "continuous", lambda o: o.call("fmi2GetContinuousStates", None, 1), "array is NULL though it should have 1",
+    ),
+    "too few rates": ("continuous", lambda o: o.call("fmi2GetDerivatives", None, 0), "0 elements, but there are 1"),
+    "too many indicators": (
+        "continuous", lambda o: o.call("fmi2GetEventIndicators", doubles(1, 2, 3), 3), "3 elements, but there are 0",
+    ),
+    "no event": ("event", lambda o: o.call("fmi2NewDiscreteStates", None), "the pointer to the event is NULL"),
+    "no flags": ("continuous", lambda o: o.call("fmi2CompletedIntegratorStep", 1, None, None), "a pointer is NULL"),
+    "a discrete input between events": (
+        "continuous", lambda o: o.call("fmi2SetBoolean", o.references(["enabled"]), 1, integers(0)),
+        "'enabled' is discrete and can be set in event mode only",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_a_host_should_not_do_is_refused_in_a_sentence(exchanged, case):
+    mode, act, words = REFUSED[case]
+    one = exchanged(Sampler)
+    if mode == "init":
+        one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
+        one.do("fmi2EnterInitializationMode")
+    else:
+        one.initialize()
+        one.event()
+    if mode == "continuous":
+        one.do("fmi2EnterContinuousTimeMode")
+    values = one.everything()
+    assert act(one) == ERROR
+    (message,) = one.messages
+    assert re.search(words, message), message
+    assert one.everything() == values
+
+
+def test_discrete_inputs_are_set_in_event_mode(exchanged):
+    one = exchanged(Sampler).initialize()
+    one.set({"enabled": 0})
+    one.event()
+    assert one.get("enabled") == [0]
+
+
+def test_a_trial_that_goes_too_far_is_discarded_and_the_next_is_heard(exchanged):
+    one = exchanged(stack(component("ppy_actuator"), BrokenRate)).initialize({"current": 0.1})
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    one.do("fmi2SetContinuousStates", doubles(0.5, 0.0, 0.0), 3)
+    before = one.array("GetDerivatives", 3)
+    assert one.call("fmi2SetContinuousStates", doubles(math.nan, 0.0, 0.0), 3) == DISCARD
+    one.set({"current": 6.0})  # where this law is broken
+    assert one.call("fmi2GetDerivatives", doubles(0, 0, 0), 3) == DISCARD
+    assert one.call("fmi2GetReal", one.references(["der(kelvin_elongation)"]), 1, doubles(0.0)) == DISCARD
+    assert [message.partition(" at t = ")[0] for message in one.messages] == [
+        "fmi2SetContinuousStates: 'charge' = nan is not a finite number",
+        *["'der(kelvin_elongation)' is not a finite number"] * 2,
+    ]
+    one.set({"current": 0.1})
+    assert one.array("GetDerivatives", 3) == before
+
+
+@pytest.mark.parametrize("function", ["GetDerivatives", "GetContinuousStates", "GetEventIndicators"])
+def test_what_belongs_to_model_exchange_is_none_of_co_simulation(built, function):
+    with instance(built(Sampler, "native")) as one:
+        one.initialize()
+        assert one.call(f"fmi2{function}", doubles(0.0), 1) == ERROR
+        assert one.messages == [f"fmi2{function}: this instance of sampler was made for co-simulation"]
+
+
+def test_the_build_with_python_is_for_co_simulation_only(built):
+    with unzipped(built(Sampler, "python")) as folder:
+        one = Instance(Library(folder), kind=EXCHANGE)
+        assert one.component is None
+        assert one.messages == ["fmi2Instantiate: sampler is made for co-simulation, not for type 0"]
