@@ -22,7 +22,7 @@ import orchestration as ppy
 from benchmarks.answers import LEAST
 from benchmarks.clean import ROOT, Row, grouped, settings_of, share
 from benchmarks.kept import add_options, among, judged
-from benchmarks.stamp import DIAGNOSIS
+from benchmarks.stamp import DIAGNOSIS, stamp
 from benchmarks.tables import Table, Topic
 from fmus.kit.errors import UserError
 from orchestration.fmu.model import Model, find_model
@@ -167,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         asked += "".join(
             f" --{name} {' '.join(words)}" for name in ("only", "without") if (words := getattr(chosen, name))
         )
-        chosen.out.write_text(_HEAD.format(asked=asked) + text + "\n", encoding="utf-8")
+        chosen.out.write_text(_HEAD.format(asked=asked, stamp=stamp(CODE)) + text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
