@@ -102,21 +102,20 @@ bool integrate(Engine *engine, double time, double target, Message message) {
         return spend(engine, time, message);
     while (time < target) {
         double remaining = target - time;
-        double h = *hint <= 0.999 * remaining ? *hint : remaining, error, next;
+        double h = *hint <= 0.999 * remaining ? *hint : remaining, error;
         if (!spend(engine, time, message))
             return false;
         error = try_step(engine, time, h);
-        next = following(h, error);
         if (error <= 1.0) {
             time = h == remaining ? target : time + h;
             memcpy(engine->memory + FIRST_STATE, engine->trial, MODEL_STATES * sizeof(double));
             /* A step shortened to land on the target says nothing against a longer one. */
             if (isfinite(*hint))
-                *hint = h == remaining ? fmax(*hint, next) : next;
+                *hint = h == remaining ? fmax(*hint, following(h, error)) : following(h, error);
         } else if (h < 1e-14 * fmax(1.0, fabs(time))) {
             return give_up(engine, time, error, message);
         } else {
-            *hint = next;
+            *hint = following(h, error);
         }
     }
     return true;

@@ -100,23 +100,25 @@ class Box:
         head.text, head.length = data, len(data)
         head.beat += 1
 
-    def run(self) -> Progress:
-        """Memory of a run of the kernel; of this process alone, if there is no room."""
+    def run(self, legend: list[tuple[str, bool]]) -> Progress:
+        """Memory of a run of the kernel; of this process alone, if there is no room.
+
+        The legend tells of each of its operations what is asked, and whether it is a step.
+        """
         free = next((k for k in range(_SLOTS) if k not in self._taken), None)
         if free is None:
             return Progress()
         self._taken.add(free)
+        files.write(self.folder / f"{_LEGEND}{free}", pickle.dumps(legend))
         return self._runs[free]
 
     def give_back(self, run: Progress) -> None:
         """Let another run have the memory of this one."""
         self._taken.discard(self._slot(run))
 
-    def begin(self, run: Progress, legend: list[tuple[str, bool]]) -> None:
-        """Note that the kernel carries out a run of these operations: what is asked, and whether it is a step."""
-        if (slot := self._slot(run)) != _NONE:
-            (self.folder / f"{_LEGEND}{slot}").write_bytes(pickle.dumps(legend))
-        self._head.slot = slot
+    def begin(self, run: Progress) -> None:
+        """Note that the kernel carries it out."""
+        self._head.slot = self._slot(run)
 
     def end(self) -> None:
         """Note that it does not any more."""
@@ -145,11 +147,11 @@ class Box:
     def state(self) -> State:
         """Where the process is."""
         head = self._head
-        doing = head.text[: head.length].decode(errors="replace")
-        if head.slot == _NONE:
+        doing, slot = head.text[: head.length].decode(errors="replace"), head.slot  # the process goes on meanwhile
+        if slot == _NONE:
             return State(doing, head.point, 0, (head.beat, 0, 0))
-        run = self._runs[head.slot]
-        legend = pickle.loads((self.folder / f"{_LEGEND}{head.slot}").read_bytes())
+        run = self._runs[slot]
+        legend = pickle.loads((self.folder / f"{_LEGEND}{slot}").read_bytes())
         operation, step = legend[min(run.position, len(legend) - 1)] if legend else ("", False)
         beat = (head.beat, run.point, run.position)
         return State(doing or operation, run.point, run.row, beat, bool(operation and not doing), step)
@@ -203,9 +205,9 @@ def running() -> Iterator[Progress]:
     if box is None:
         yield Progress()
         return
-    run = box.run()
+    run = box.run([])
     run.point = run.position = run.row = 0
-    box.begin(run, [])
+    box.begin(run)
     try:
         yield run
     finally:

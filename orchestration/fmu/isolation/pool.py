@@ -66,15 +66,12 @@ class Pool:
         except Empty:
             process = self._started()
         try:
-            answer = process.call(function, *arguments)
-        except Ended as end:
-            process.__exit__(Ended, end, None)
-            raise
-        except BaseException:
-            self._idle.put(process)
-            raise
-        self._idle.put(process)
-        return answer
+            return process.call(function, *arguments)
+        finally:
+            if process.asked:  # it has ended, or is still at it: the next answer would be of this question
+                process.__exit__(Ended, None, None)
+            else:
+                self._idle.put(process)
 
     def _started(self, again: bool = True) -> Process:
         process = Process(self._limits)

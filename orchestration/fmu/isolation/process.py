@@ -54,10 +54,13 @@ class Process:
     ----------
     box : Box
         What it leaves, whatever becomes of it.
+    asked : bool
+        Whether it has something to answer: it is still at it, or has ended.
     """
 
     def __init__(self, limits: Limits):
         self._limits, self._open, self._memory = limits, ExitStack(), 0
+        self.asked = False
 
     def __enter__(self) -> Process:
         folder = self._open.enter_context(scratch.folder("fmu"))
@@ -133,6 +136,7 @@ class Process:
             If the process ends, a call of an FMU takes too long, or Ctrl-C is not heard.
         """
         callbacks = told or {}
+        self.asked = True
         self._send((function, arguments, list(callbacks)))
         before, since, interrupted = None, time.monotonic(), 0.0
         while True:
@@ -157,6 +161,7 @@ class Process:
             if answer is None:
                 raise Ended(self._how(), self.box.state())
             kind, *what = answer
+            self.asked = kind == "told"
             if kind == "told":
                 callbacks[what[0]](*what[1])
             elif kind == "result":

@@ -193,7 +193,7 @@ class Execution:
         self._operations = (Operation * len(program.operations))(*program.operations)
         self.seconds, self.warnings = np.zeros(owners), np.zeros(owners, dtype=np.int64)
         self._box = box.current
-        self._progress = self._box.run() if self._box else library.Progress()
+        self._progress = self._box.run(program.legend()) if self._box else library.Progress()
         for name, value in {
             "program": ctypes.addressof(self._operations), "length": len(program.operations), "point": first,
             "position": skipped, "row": 0, "interrupted": 0, "seconds": self.seconds.ctypes.data,
@@ -211,7 +211,7 @@ class Execution:
         pulse = self._pulse or self._felt.enter_context(Pulse())
         self._felt.enter_context(pulse.of(self._progress))
         if self._box:
-            self._box.begin(self._progress, self._program.legend())
+            self._box.begin(self._progress)
         return self
 
     def __exit__(self, *error: Any) -> None:
