@@ -118,9 +118,8 @@ def simulate(
         except Ended as end:
             if end.interrupted:
                 raise KeyboardInterrupt from end
-            found, reached, names = process.box.filled(), end.state.point, process.box.about()
+            there, names = process.box.filled(end.state.point), process.box.about()
             message = f"{end.state.words(time, model.path.name)}: {end.reason}"
-            there = found[:reached] if found is not None else None
             raise unfinished(message, time, names or asked[1], there) from end
         return done
 

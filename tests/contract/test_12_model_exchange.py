@@ -136,6 +136,22 @@ def test_samples_are_time_events_at_their_instants(exchanged):
     assert found == pytest.approx([5.0 + 0.025 * (k + 1) for k in range(41)], abs=1e-12)
 
 
+def test_samples_that_a_host_has_missed_are_caught_up(exchanged):
+    """One of fixed steps comes late: 0.31 s in, 0.1, 0.2 and 0.3 s are still to be sampled; the next is at 0.325 s."""
+    one = exchanged(Sampler).initialize({"u": 1.0, "step": 2}, start=5.0)
+    assert one.event().needed == 0
+    one.do("fmi2EnterContinuousTimeMode")
+    one.at(5.31, 0.5)
+    one.do("fmi2EnterEventMode")
+    calls = 1
+    while (event := one.event()).needed:
+        assert event.time <= 5.31
+        calls += 1
+    assert calls == 12  # of the fast group, each 0.025 s
+    assert one.get("count") == [8.0]
+    assert event.time == pytest.approx(5.325, abs=1e-12)
+
+
 def test_nothing_sampled_has_no_time_events(exchanged):
     assert exchanged(Kinks).initialize().event().defined == 0
 
@@ -205,6 +221,10 @@ REFUSED = {
         "event", lambda o: o.call("fmi2CompletedIntegratorStep", 1, byref(c_int()), byref(c_int())), "in event mode",
     ),
     "time during initialization": ("init", lambda o: o.call("fmi2SetTime", 1.0), "not allowed during initialization"),
+    "a slope, which nothing would follow": (
+        "init", lambda o: o.call("fmi2SetRealInputDerivatives", o.references(["u"]), 1, integers(1), doubles(1.0)),
+        "made for model exchange",
+    ),
     "time that is none": ("event", lambda o: o.call("fmi2SetTime", math.nan), "fmi2SetTime: -?nan is not a finite"),
     "too many states": (
         "continuous", lambda o: o.call("fmi2SetContinuousStates", doubles(1, 2), 2), "2 elements, but there are 1",

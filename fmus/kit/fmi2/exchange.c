@@ -140,12 +140,13 @@ EXPORT fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *event) {
     touch(instance, false);
     if (!all_finite(instance, FIRST_DISCRETE, FIRST_OUTPUT))
         return fail(instance);
-    event->newDiscreteStatesNeeded = fmi2False;
+    event->nextEventTime = next_sample(instance->engine);
+    event->nextEventTimeDefined = isfinite(event->nextEventTime) ? fmi2True : fmi2False;
+    /* of a host that comes late, as those of fixed steps do: what it has missed is sampled now, one after the other */
+    event->newDiscreteStatesNeeded = event->nextEventTime <= instance->now.time ? fmi2True : fmi2False;
     event->terminateSimulation = fmi2False;
     event->nominalsOfContinuousStatesChanged = fmi2False;
     event->valuesOfContinuousStatesChanged = fmi2False; /* a sample changes what is sampled, never a state */
-    event->nextEventTime = next_sample(instance->engine);
-    event->nextEventTimeDefined = isfinite(event->nextEventTime) ? fmi2True : fmi2False;
     return fmi2OK;
 }
 

@@ -71,6 +71,8 @@ EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueRe
     Instance *instance = c;
     if (!allowed(instance, BEFORE_START | STEP_COMPLETE, function))
         return fmi2Error;
+    if (instance->type == fmi2ModelExchange)
+        return report(instance, fmi2Error, "%s: this instance of %s was made for model exchange", function, model_name);
     if (!engine_interpolates)
         return report(instance, fmi2Error, "%s is not supported by this build of %s", function, model_name);
     if (n > 0 && (vr == NULL || order == NULL || value == NULL))

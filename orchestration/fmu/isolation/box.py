@@ -6,7 +6,7 @@ import ctypes
 import mmap
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -84,6 +84,8 @@ class Box:
             path.write_bytes(bytes(size))
         with path.open("r+b") as file:
             self._memory = mmap.mmap(file.fileno(), size)
+        if hasattr(mmap, "MADV_DONTFORK"):  # a copy of the process that an FMU makes would count in it, too
+            self._memory.madvise(mmap.MADV_DONTFORK)
         self._head = _Head.from_buffer(self._memory)
         self._runs = (Progress * _SLOTS).from_buffer(self._memory, ctypes.sizeof(_Head))
         self._taken: set[int] = set()
@@ -145,26 +147,32 @@ class Box:
     # ---- afterwards ----------------------------------------------------------------------------------------------
 
     def state(self) -> State:
-        """Where the process is."""
+        """Where the process is; an FMU that writes where it should not may have been in this memory too."""
         head = self._head
-        doing, slot = head.text[: head.length].decode(errors="replace"), head.slot  # the process goes on meanwhile
-        if slot == _NONE:
+        doing, slot = head.text[: max(0, head.length)].decode(errors="replace"), head.slot  # it goes on meanwhile
+        if not 0 <= slot < _SLOTS:
             return State(doing, head.point, 0, (head.beat, 0, 0))
         run = self._runs[slot]
-        legend = pickle.loads((self.folder / f"{_LEGEND}{slot}").read_bytes())
-        operation, step = legend[min(run.position, len(legend) - 1)] if legend else ("", False)
+        try:
+            legend = pickle.loads((self.folder / f"{_LEGEND}{slot}").read_bytes())
+        except Exception:  # it is gone, or damaged
+            legend = [("an FMU", False)]
+        operation, step = legend[max(0, min(run.position, len(legend) - 1))] if legend else ("", False)
         beat = (head.beat, run.point, run.position)
         return State(doing or operation, run.point, run.row, beat, bool(operation and not doing), step)
 
     def about(self) -> Any:
-        """What was kept; None without."""
-        path = self.folder / _ABOUT
-        return pickle.loads(path.read_bytes()) if path.exists() else None
+        """What was kept; None without, or where it is damaged."""
+        with suppress(Exception):
+            return pickle.loads((self.folder / _ABOUT).read_bytes())
+        return None
 
-    def filled(self, name: str = _ROWS) -> Array | None:
-        """Rows as far as they were filled, and what followed; None without."""
-        path = self.folder / name
-        return np.array(np.load(path)) if path.exists() else None
+    def filled(self, count: int, name: str = _ROWS) -> Array | None:
+        """Rows, of which so many were filled; None without, where they are damaged, or cannot be so many."""
+        with suppress(OSError, ValueError):
+            found = np.array(np.load(self.folder / name))
+            return found[:count] if 0 < count <= len(found) else None
+        return None
 
 
 current: Box | None = None  # of this process, if it is one beside another

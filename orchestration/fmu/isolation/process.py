@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmus.kit.storage import scratch
 from orchestration.fmu.isolation.box import Box, State
@@ -20,8 +21,11 @@ from orchestration.fmu.isolation.frames import receive, send
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.kernel.library import stepper
 
+if TYPE_CHECKING:
+    from io import FileIO
+
 _LOOK = 0.1  # s between two looks at how far it is
-_GRACE = 2.0  # s that a call has to end after Ctrl-C
+_GRACE = 2.0  # s that a call has to end after Ctrl-C, and a process that answers no more
 _MUCH = 0.8  # of the memory that is allowed: whoever ends with more of it has very likely asked for too much
 
 
@@ -59,7 +63,7 @@ class Process:
     """
 
     def __init__(self, limits: Limits):
-        self._limits, self._open, self._memory = limits, ExitStack(), 0
+        self._limits, self._open, self._memory, self._over = limits, ExitStack(), 0, False
         self.asked = False
 
     def __enter__(self) -> Process:
@@ -72,6 +76,8 @@ class Process:
             [sys.executable, "-c", program, str(folder), str(self._limits.bytes)],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
         )  # fmt: skip
+        buffered: Any = self._process.stdout
+        self._stream: FileIO = buffered.detach()  # a buffer has a lock, and a reader that stays would keep it
         self._answers: SimpleQueue[Any] = SimpleQueue()
         self._reader = threading.Thread(target=self._listen, daemon=True)
         self._reader.start()
@@ -82,29 +88,34 @@ class Process:
     ) -> None:
         process = self._process
         assert process.stdin is not None
-        assert process.stdout is not None
         if kind is not None:
-            process.kill()
+            self.kill()
         with suppress(OSError):
             process.stdin.close()
-        try:
+        with suppress(subprocess.TimeoutExpired):
             process.wait(_GRACE)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        self._reader.join()
-        process.stdout.close()
+        self.kill()  # with what FMUs have started
+        process.wait()
+        self._over = True
+        self._reader.join(_LOOK)
+        if not self._reader.is_alive():  # else somebody in a session of its own holds the other end
+            self._stream.close()
         self._open.close()
 
     def kill(self) -> None:
-        """End it at once."""
-        self._process.kill()
+        """End it at once, and what was started in it."""
+        if self._over:  # its number may be another's
+            return
+        if sys.platform == "win32":
+            self._process.kill()
+            return
+        with suppress(OSError):
+            os.killpg(self._process.pid, signal.SIGKILL)
 
     def _listen(self) -> None:
-        stream = self._process.stdout
-        assert stream is not None
-        while (answer := receive(stream)) is not None:
-            self._answers.put(answer)
+        with suppress(Exception):  # FMUs may write anything to any file, and then there is no telling what follows
+            while (answer := receive(self._stream)) is not None:
+                self._answers.put(answer)
         self._answers.put(None)
 
     def call(
@@ -140,9 +151,12 @@ class Process:
         self._send((function, arguments, list(callbacks)))
         before, since, interrupted = None, time.monotonic(), 0.0
         while True:
+            over = self._process.poll() is not None
             try:
                 answer = self._answers.get(timeout=_LOOK)
             except Empty:
+                if over:  # and somebody whom it has started holds the other end
+                    raise Ended(self._how(), self.box.state(), interrupted > 0.0) from None
                 now, state = time.monotonic(), self.box.state()
                 if state != before or not state.doing:
                     before, since = state, now
@@ -159,7 +173,7 @@ class Process:
                 self._send("interrupt")
                 continue
             if answer is None:
-                raise Ended(self._how(), self.box.state())
+                raise Ended(self._how(), self.box.state(), interrupted > 0.0)
             kind, *what = answer
             self.asked = kind == "told"
             if kind == "told":
@@ -179,7 +193,7 @@ class Process:
 
     def _end(self, reason: str, interrupted: bool = False) -> Ended:
         state = self.box.state()
-        self._process.kill()
+        self.kill()
         self._process.wait()
         return Ended(reason, state, interrupted)
 
@@ -190,7 +204,11 @@ class Process:
 
     def _how(self) -> str:
         """Say how it ended."""
-        status = self._process.wait()
+        try:
+            status = self._process.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return "its process could not be heard any more, and was ended"
         if status < 0:
             with suppress(ValueError):
                 name = signal.Signals(-status).name

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import itertools
+from collections import deque
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -15,19 +16,22 @@ import fmpy.fmi2 as fmi2
 from fmpy.fmi1 import printLogMessage
 from fmpy.logging import addLoggerProxy
 
+_KEPT, _LONGEST = 3, 1000  # messages, and characters of one: an FMU may have something to say at every step
+
 
 class MessageLog:
-    """What one FMU instance said: warnings and worse, newest last.
+    """What one FMU instance said last: warnings and worse.
 
     Attributes
     ----------
-    messages : list of str
+    messages : deque of str
+        Newest last, without characters that a terminal obeys.
     callbacks : fmpy.fmi2.fmi2CallbackFunctions
         To instantiate with; the FMU keeps a pointer to it.
     """
 
     def __init__(self) -> None:
-        self.messages: list[str] = []
+        self.messages: deque[str] = deque(maxlen=_KEPT)
         self.callbacks = fmi2.fmi2CallbackFunctions()
         self.callbacks.logger = _RECEIVER
         self.callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
@@ -39,7 +43,7 @@ class MessageLog:
 
     def last(self, otherwise: str) -> str:
         """Return the last messages in one line, or something else if there are none."""
-        return "; ".join(self.messages[-3:]) or otherwise
+        return "; ".join(self.messages) or otherwise
 
 
 _logs: WeakValueDictionary[int, MessageLog] = WeakValueDictionary()
@@ -51,7 +55,8 @@ def _receive(environment: Any, name: bytes, status: int, category: bytes, messag
     if log is None:
         printLogMessage(environment, name, status, category, message)
     elif status not in (fmi2.fmi2OK, fmi2.fmi2Pending):
-        log.messages.append(message.decode(errors="replace"))
+        text = message[: 4 * _LONGEST].decode(errors="replace")[:_LONGEST]
+        log.messages.append(" ".join("".join(c if c.isprintable() else " " for c in text).split()))
 
 
 _RECEIVER = fmi2.fmi2CallbackLoggerTYPE(_receive)

@@ -105,9 +105,9 @@ def _partial(box: Box, recorded: Recorded | None, kept: int, message: str) -> Ru
     nothing = Statistics({}, 0, 0, 0, 0.0)
     if recorded is None:
         return Run(np.empty(0), {}, {}, False, message, nothing, {})
-    table, more = left(box.folder, recorded.width), box.filled()
+    table, more = left(box.folder, recorded.width), box.filled(kept)
     if more is not None:
-        table = np.concatenate([table, more[:kept]])
+        table = np.concatenate([table, more])
     table = table[: len(recorded.points)]
     return Run(
         np.array(recorded.points[: len(table)]),

@@ -37,8 +37,25 @@ static void deaf(void) {
     hang();
 }
 
-static void close_everything(void) {
-    for (int i = 0; i < 256; i++) close(i);
+static void close_from(int first) {
+    for (int i = first; i < 256; i++) close(i);
+}
+
+static void write_everywhere(void) {
+    char text[64];
+    memset(text, 'A', sizeof text);
+    for (int i = 3; i < 64; i++) write(i, text, sizeof text);
+}
+
+static void leave_process(void) {
+    if (fork() == 0)
+        for (;;) pause();
+}
+
+static fmi2Status order(fmi2Component c) {
+    const fmi2CallbackFunctions *host = ((Instance *)c)->functions;
+    host->logger(host->componentEnvironment, NULL, fmi2Error, NULL, "\033[2J\nand more");
+    return fmi2Error;
 }
 
 static void print_much(void) {

@@ -18,6 +18,7 @@ import pytest
 
 import orchestration as ppy
 from fmus.kit import UserError
+from orchestration.fmu.isolation.box import Box
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.simulate import Unfinished
 from orchestration.master import Stopped, run
@@ -29,7 +30,8 @@ from tests.support.misbehaving import ACTS, END, START, build
 TIME = 0.1 * np.arange(31)
 REACHED = 11  # points until the step that begins at 1 s
 HASTE = Limits(step_timeout=2.0, memory=6e8)
-UNTOLD = ("closes_every_file",)  # by its own process, which has no way left to tell what it does
+UNTOLD = ("closes_every_file", "writes_to_every_file")  # by its own process, which has no way left to tell what it does
+DAMAGED = ("writes_to_every_file",)  # and so is what was computed
 
 
 @pytest.fixture(scope="module")
@@ -47,14 +49,21 @@ def nothing_left(tmp_path, monkeypatch):
     """No process, and no folder."""
     (tmp_path / "tmp").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))  # also of what FMUs start
     yield
     assert list((tmp_path / "tmp").iterdir()) == []
-    assert children() == []
+    assert children(tmp_path) == []
 
 
-def children():
-    """Processes that this one has started to run FMUs."""
-    return [child for child in psutil.Process().children() if "isolation.child" in " ".join(child.cmdline())]
+def children(folder):
+    """Processes that run FMUs in a folder, whoever started them, and what these have become."""
+    found = []
+    for process in psutil.process_iter(["cmdline", "environ", "status"]):
+        about = process.info
+        named = " ".join([*(about["cmdline"] or ()), *(about["environ"] or {}).values()])
+        if str(folder) in named and process.pid != os.getpid() and about["status"] != psutil.STATUS_ZOMBIE:
+            found.append(process)
+    return found
 
 
 def response(points):
@@ -78,6 +87,8 @@ def test_a_simulation(name, folder, nothing_left):
     if where == START:
         assert "loading" in message
         assert not isinstance(refused.value, Unfinished)
+        return
+    if name in DAMAGED:
         return
     assert isinstance(refused.value, Unfinished)
     reached = 31 if where == END else len(refused.value.time) if name in UNTOLD else REACHED
@@ -119,6 +130,25 @@ def test_a_run_of_three(name, options, folder, lag, nothing_left):
         assert len(left.time) == (31 if where == END else REACHED)
         for signal_name, values in left.signals.items():
             assert values.tobytes() == expected.signals[signal_name][: len(left.time)].tobytes()
+
+
+def test_a_box_whose_files_are_gone_or_damaged_does_not_stop_whoever_watches(tmp_path):
+    """A call is still seen to last, so that it can be ended; what nobody computed is not taken for computed."""
+    (tmp_path / "box").mkdir()
+    seen, beside = Box(tmp_path / "box"), Box(tmp_path / "box")
+    beside.rows((3, 1))
+    beside.begin(beside.run(), [("x.fmu: step", True)])
+    assert seen.state().doing == "x.fmu: step"
+    (tmp_path / "box" / "legend0").unlink()
+    assert seen.state().doing
+    (tmp_path / "box" / "box").write_bytes(b"A" * 64)  # the memory that both have
+    assert not seen.state().listed
+    assert seen.filled(seen.state().point) is None
+    assert seen.filled(2).shape == (2, 1)
+    (tmp_path / "box" / "rows").write_bytes(b"A" * 200)
+    (tmp_path / "box" / "about").write_bytes(b"A" * 200)
+    assert seen.filled(2) is None
+    assert seen.about() is None
 
 
 def test_numbers_are_the_same_bits(lag, nothing_left):
