@@ -130,7 +130,7 @@ def test_names_that_do_not_fit_are_told(fmu):
         (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')), "FMI version 1.0; this program knows"),
         (lambda n, c: (n, c.replace(b"CoSimulation", b"ModelExchange")), "for model exchange only"),
         (
-            lambda n, c: (n, c.replace(b"CoSimulation", b"Other")),
+            lambda n, c: (n, c.replace(b"CoSimulation", b"Other").replace(b"ModelExchange", b"Other")),
             "has neither an element CoSimulation nor ModelExchange$",
         ),
         (

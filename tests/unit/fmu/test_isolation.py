@@ -137,7 +137,7 @@ def test_a_box_whose_files_are_gone_or_damaged_does_not_stop_whoever_watches(tmp
     (tmp_path / "box").mkdir()
     seen, beside = Box(tmp_path / "box"), Box(tmp_path / "box")
     beside.rows((3, 1))
-    beside.begin(beside.run(), [("x.fmu: step", True)])
+    beside.begin(beside.run([("x.fmu: step", True)]))
     assert seen.state().doing == "x.fmu: step"
     (tmp_path / "box" / "legend0").unlink()
     assert seen.state().doing
