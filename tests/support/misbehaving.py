@@ -12,6 +12,11 @@ import fmpy
 from tests.support.hosts import HEADERS, ONE_STATE_DESCRIPTION, TESTS, compiler
 
 STEP, READING, START, END = "AT_STEP", "AT_READING", "AT_START", "AT_END"
+# what is not in every test: what a process is allowed is taken away, which not every run needs
+TAKEN = {
+    "lets_nobody_write": (STEP, "allow_none(RLIMIT_FSIZE)", ""),
+    "lets_nobody_open": (STEP, "allow_none(RLIMIT_NOFILE)", ""),
+}
 # by name: where, what, and a part of the line in which it is told; empty where the run can be finished
 ACTS = {
     "exits": (STEP, "exit(0)", "exit status 0"),
@@ -53,7 +58,7 @@ ACTS = {
 
 def build(name: str, directory: Path) -> Path:
     """Compile an FMU that does this act."""
-    where, what, _ = ACTS[name]
+    where, what, _ = (ACTS | TAKEN)[name]
     path = directory / f"{name}.fmu"
     with tempfile.TemporaryDirectory(prefix="misbehaving_") as folder:
         library = Path(folder, "one_state.so")

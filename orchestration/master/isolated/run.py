@@ -84,6 +84,9 @@ def run_beside(
             if end.interrupted:
                 return done
             raise Stopped(words, done) from end
+        except OSError as error:  # FMUs may take away from their process what it needs, such as files
+            words = f"{system.name}: {error.strerror or error}"
+            raise Stopped(words, _partial(process.box, process.box.about(), process.box.state().row, words)) from error
     if message is not None:
         raise Stopped(message, done)
     found: Run = done

@@ -132,6 +132,17 @@ def test_a_run_of_three(name, options, folder, lag, nothing_left):
             assert values.tobytes() == expected.signals[signal_name][: len(left.time)].tobytes()
 
 
+@pytest.mark.parametrize("name", ["lets_nobody_write", "lets_nobody_open"])
+def test_what_a_member_takes_away_from_its_process_stops_the_run_in_a_line(name, folder, lag, nothing_left):
+    with pytest.raises(Stopped) as refused:
+        run(three(lag, build(name, folder)), TIME, {"u": np.ones(31)}, isolation=HASTE)
+    assert str(refused.value).startswith("three: ")
+    assert "\n" not in str(refused.value)
+    left = refused.value.run
+    assert len(left.time) >= REACHED
+    np.testing.assert_allclose(left.signals["a.x"], response(len(left.time)), atol=1e-12)
+
+
 def test_a_box_whose_files_are_gone_or_damaged_does_not_stop_whoever_watches(tmp_path):
     """A call is still seen to last, so that it can be ended; what nobody computed is not taken for computed."""
     (tmp_path / "box").mkdir()
