@@ -119,6 +119,8 @@ def sweep(
         data = work(progress=tell.done, **how)
     _show(data)
     _finish(data, out, folder, plot)
+    if "failure" in data and (data["failure"] != "").all():
+        raise UserError(f"not one of the {data['failure'].size:,} cases could be run")
 
 
 def _check_outputs(model: str, fitted: Path | None, out: Path | None, plot: Path | None) -> None:

@@ -17,6 +17,7 @@ from orchestration.experiment import results
 from orchestration.sweeps import run
 from tests.support.command import on_terminal, ppy, refused, works
 from tests.support.hosts import build_one_state_fmu
+from tests.support.misbehaving import build
 
 
 @pytest.fixture(scope="module")
@@ -136,3 +137,13 @@ def test_a_list_is_taken_literally(text):
         comma_list(text, "--fit")
     assert comma_list(" a , b", "--fit") == ["a", "b"]
     assert comma_list(None, "--fit") == comma_list("", "--fit") == []
+
+
+def test_a_sweep_of_which_nothing_could_be_run_is_no_success(tmp_path):
+    build("writes_to_nothing", tmp_path)
+    call = ["sweep", "writes_to_nothing.fmu", "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--over", "tau=0.5,1,2"]
+    said = ppy(*call, "--out", "x.nc", cwd=tmp_path)
+    assert said.returncode == 2
+    assert said.stderr.splitlines()[-1] == "error: not one of the 3 cases could be run"
+    found = xarray.load_dataset(tmp_path / "x.nc", engine="scipy")
+    assert all("SIGSEGV" in str(why) for why in found["failure"].values)
