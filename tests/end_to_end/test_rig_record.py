@@ -96,6 +96,7 @@ class Specimen:
         self._state = self._state + step / 6.0 * (a + 2.0 * (b + c) + rates(self._state + step * c))
 
 
+@pytest.mark.slow
 def test_what_is_hidden_is_named(tmp_path):
     """Over the whole way: an experiment, a bridge, keys, a rig with an effect that is not in the model, a diagnosis."""
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
