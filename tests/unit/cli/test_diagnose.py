@@ -15,7 +15,7 @@ from fmus.kit.errors import UserError
 from orchestration.cli.diagnose import Files
 from orchestration.fmu.model import find_model
 from orchestration.rig.emulator.records import draw, write
-from tests.support.command import ppy, works
+from tests.support.command import here, ppy, works
 from tests.support.diagnosis import FEW, SHORT, broken_off
 from tests.support.hidden.curves import dry_root
 from tests.support.lacking import motor
@@ -28,7 +28,7 @@ STAGE = Path(__file__).parents[3] / "examples" / "positioning_stage.py"
 
 def fails(*arguments, cwd):
     """What is told on a refusal, which is one line and exit code 2."""
-    done = ppy(*arguments, cwd=cwd)
+    done = here(*arguments, cwd=cwd)
     assert done.returncode == 2
     assert done.stderr.strip().splitlines()[-1].startswith("error: ")
     return done.stderr
