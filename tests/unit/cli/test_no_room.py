@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.command import posix, ppy
+from tests.support.pace import slow_but
 from tests.support.small_disk import disk_of_64_kib
 
 pytestmark = posix
@@ -50,7 +51,7 @@ def test_no_room_for_temporary_files(command, tmp_path, work):
     assert list(work.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", ["simulate", "sweep"])
+@pytest.mark.parametrize("command", slow_but(["simulate", "sweep"], "simulate"))
 def test_no_room_to_unpack_what_is_built(command, tmp_path, work):
     """The same with a warm cache, where only the FMU is unpacked."""
     environment = {"PPY_CACHE": str(tmp_path / "cache")}

@@ -126,10 +126,10 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
     ("address", "told"),
     [
         ("foo", "no address of a scheduler"),
-        ("nonsense://x:1", "no address of a scheduler"),
-        ("tcp://localhost", "no address of a scheduler"),
+        pytest.param("nonsense://x:1", "no address of a scheduler", marks=pytest.mark.slow),
+        pytest.param("tcp://localhost", "no address of a scheduler", marks=pytest.mark.slow),
         ("tcp://localhost:99999", "no address of a scheduler"),
-        ("inproc://1.2.3.4/5/6", "no address of a scheduler"),
+        pytest.param("inproc://1.2.3.4/5/6", "no address of a scheduler", marks=pytest.mark.slow),
         ("tls://127.0.0.1:9", "no certificates"),
     ],
 )
