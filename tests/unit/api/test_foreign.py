@@ -114,6 +114,7 @@ def test_what_a_sensor_does_is_named(folder, lag, effect, change, value):
     assert found.parameters[name].value == pytest.approx(expected, abs=close)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_moves_far_beside_a_cause_is_as_it_is(folder, lag, tmp_path):
     """Fitted without the gain it is wrong by more than a tenth, and what it does is not linear so far away."""
     y = 1.3 * lagged(U, 1.95)

@@ -31,6 +31,18 @@ TIME = 0.1 * np.arange(31)
 REACHED = 11  # points until the step that begins at 1 s
 HASTE = Limits(step_timeout=2.0, memory=6e8)
 WAYS = {"kernel": {}, "python": {"extrapolation": 1}}
+# one of every place and of every way to end, of which a simulation is shown all
+EACH_KIND = (
+    "exits",
+    "kills_itself",
+    "sleeps",
+    "is_fatal",
+    "crashes_as_it_is_read",
+    "crashes_as_it_begins",
+    "crashes_as_it_is_freed",
+    "changes_the_folder",
+    "closes_every_file",
+)
 UNTOLD = ("closes_every_file",)  # by its own process, which has no way left to tell what it does
 
 
@@ -98,13 +110,7 @@ def three(lag, bad):
 
 @pytest.mark.parametrize(
     ("way", "name"),
-    slow_but(
-        [(way, name) for way in WAYS for name in ACTS],
-        *(("kernel", name) for name in ACTS),
-        ("python", "exits"),
-        ("python", "crashes_as_it_begins"),
-        ("python", "sleeps"),
-    ),
+    slow_but([(way, name) for way in WAYS for name in ACTS], *((way, name) for way in WAYS for name in EACH_KIND)),
 )
 def test_a_run_of_three(way, name, folder, lag, nothing_left):
     (where, _, told), options = ACTS[name], WAYS[way]
