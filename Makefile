@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
-	@echo "make test-slow  the tests that take minutes"
+	@echo "make test-slow  the tests that take longer, and every case of those that have many: nightly, and before a release"
 	@echo "make fuzz       damaged files to whatever reads files, for ten minutes; SEED=N and SECONDS=N likewise"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
@@ -26,13 +26,13 @@ demo: $(VENV)/installed
 	$(BIN)/ppy demo --out demo-output
 
 test: $(VENV)/installed-dev check chromium
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --dist loadfile
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)
 
 test-slow: $(VENV)/installed-dev chromium
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -n 2 --dist loadfile -m slow
 
 clean-study: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.clean

@@ -30,6 +30,13 @@ _watch = Watch()
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Leave to the slow tests what is asked of the gait in Python: it costs as much as all other FMUs together."""
+    given = item.callspec.params if hasattr(item, "callspec") else {}
+    if given.get("runtime") == "python" and "foot_dynamic" in (given.get("name"), given.get("model")):
+        item.add_marker(pytest.mark.slow)
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Watch the machine where a test is about milliseconds."""
     if item.get_closest_marker("real_time"):

@@ -58,6 +58,7 @@ def test_two_instances_run_as_each_alone(archive, subject):
         assert hosts.in_subprocess(alone, fmu, seed, parameters) == (0, trail)
 
 
+@pytest.mark.slow
 def test_all_fmus_in_one_process_run_as_each_alone(fmu, built):
     files = [fmu(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
     files += [built(cls, runtime) for cls in (Sampler, Oscillator) for runtime in RUNTIMES]

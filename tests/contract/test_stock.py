@@ -32,13 +32,15 @@ from tests.contract.raw import FATAL, Instance, Library, resident, unzipped
 from tests.contract.schedule import go, schedule
 from tests.contract.subjects import SUBJECTS
 from tests.support import hosts, source
+from tests.support.pace import slow_but
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
 pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
 
 ALL = [*COMPONENTS, "Sampler", "Oscillator"]
 OTHERS = {"Sampler": Sampler, "Oscillator": Oscillator}
-each = pytest.mark.parametrize("name", ALL)
+QUICK = [name for name in COMPONENTS if name != "foot_dynamic"]  # which costs as much as all others in Python
+each = pytest.mark.parametrize("name", slow_but(ALL, *QUICK, *OTHERS))
 finish = functools.partial(hosts.finish_in_subprocess, clean_exit=False)
 
 
@@ -84,7 +86,7 @@ def close(found, wanted, outputs):
 
 
 @pytest.mark.parametrize("changed", [False, True], ids=["defaults", "changed"])
-@pytest.mark.parametrize("name", COMPONENTS)
+@pytest.mark.parametrize("name", slow_but(COMPONENTS, *QUICK))
 def test_the_numbers_are_those_of_the_native_build_in_fmpy(stock, fmu, name, changed):
     """Also with other parameters, more accuracy than the component's own, and outputs read before inputs are set."""
     times, inputs, outputs = stimulus(name)
@@ -98,7 +100,7 @@ def run_with(archive: str, given: dict) -> dict:
     return hosts.run_fmpy(archive, **given)
 
 
-@pytest.mark.parametrize("name", COMPONENTS)
+@pytest.mark.parametrize("name", slow_but(COMPONENTS, *QUICK))
 def test_the_numbers_are_those_of_the_native_build_in_libcosim(stock, fmu, name):
     times, inputs, outputs = stimulus(name)
     real = {n: v for n, v in inputs.items() if {i.name: i.type for i in component(name).layout.inputs}[n] == "real"}

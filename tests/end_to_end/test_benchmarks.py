@@ -191,6 +191,7 @@ def test_a_diagnosis_is_timed_over_the_length_of_the_record():
     assert {row[4] for row in table.rows} == {"strain_saturation"}
 
 
+@pytest.mark.slow
 def test_a_map_of_laws_is_timed_over_the_length_of_the_record():
     (table,) = mapping.measure(quick=True).tables
     assert [row[0] for row in table.rows] == [300, 600]

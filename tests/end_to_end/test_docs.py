@@ -2,6 +2,9 @@
 
 An output block is an excerpt of what the commands before it printed. With ``PPY_WRITE_DOCS`` set, its numbers are
 written anew. Modules, files and options that any page names exist.
+
+Pages whose blocks take ten seconds or more are run by `make test-slow`: the tutorial, the commands of the readme, and
+those in ``HEAVY``.
 """
 
 import contextlib
@@ -24,10 +27,14 @@ from tests.support import source
 from tests.support.rig.process import Server
 
 ROOT = source.ROOT
+HEAVY = {"diagnose", "hardware-in-the-loop", "thesis", "laws", "identify", "sweeps", "continuous-integration"}
 PAGES = [
-    "docs/tutorial.md",
+    pytest.param("docs/tutorial.md", marks=pytest.mark.slow),
     pytest.param("docs/reference/master.md", marks=pytest.mark.real_time(limit=5e-3)),  # as it says itself
-    *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "docs" / "how-to").glob("*.md"))),
+    *(
+        pytest.param(str(p.relative_to(ROOT)), marks=pytest.mark.slow if p.stem in HEAVY else ())
+        for p in sorted((ROOT / "docs" / "how-to").glob("*.md"))
+    ),
 ]
 BLOCK = re.compile(r"^```(console|python|output)\n(.*?)^```", re.M | re.S)
 FOLDERS = ("docs", "fmus", "orchestration", "benchmarks", "tests", "examples")
@@ -153,6 +160,7 @@ def run_blocks(page: str, contents: str, tmp_path: Path, run_block: Callable[[st
             printed += run(line[2:].replace("--platforms linux64", f"--platforms {host_platform()}"), tmp_path)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
     section = (ROOT / "README.md").read_text(encoding="utf-8").split("## Use it")[1].split("## ")[0]
     commands = re.findall(r"^ppy .*$", section, re.M)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from orchestration.experiment.waveforms import multilevel
 from orchestration.system import library, ssp
@@ -32,6 +33,7 @@ def recorded(folder):
     (folder / "lab record.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+@pytest.mark.slow
 @posix
 def test_the_command_that_is_printed_works_in_a_shell(tmp_path):
     recorded(tmp_path)

@@ -40,6 +40,7 @@ def test_a_pulse_of_a_cell(public_data, tmp_path, number):
     no_worse(asked)
 
 
+@pytest.mark.slow
 def test_a_cell_at_states_of_charge_that_were_not_fitted(public_data):
     """One pair of RC, fitted to seven pulses, leaves 0.11 to 0.13 of the pooled spread of three others."""
     asked = question("cell", public_data, "lfp_cell_ten_pulses.csv", "lfp_cell.py:Cell")
@@ -62,7 +63,8 @@ def test_a_supercapacitor_at_another_current(public_data):
     assert said.gain.before["voltage"] <= 0.055
 
 
-@pytest.mark.parametrize("gain", [g if g in (2.0, 3.0) else pytest.param(g, marks=pytest.mark.slow) for g in GAINS])
+@pytest.mark.slow
+@pytest.mark.parametrize("gain", GAINS)
 def test_a_motor_with_a_dead_zone_is_not_consistent(public_data, gain):
     """Whatever gain it starts from."""
     settings, mapping = {"gain": gain}, {"speed": "speed[rpm]"}

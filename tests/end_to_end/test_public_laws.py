@@ -135,6 +135,7 @@ def test_a_motor_has_a_dead_zone(public_data, tmp_path):
     assert drive[-1] > drive[zone].max() + 0.5 * np.ptp(drive)
 
 
+@pytest.mark.slow
 def test_a_cell_has_a_voltage_that_is_no_straight_line_of_its_charge(public_data, tmp_path):
     """By hand: at a constant current the terminals show that voltage, less what is lost, over what was drawn."""
     result = answer("cell", public_data, tmp_path)

@@ -152,6 +152,7 @@ def pixels(tab, signal):
     return tab.run(f"{PIXELS}({signal!r})")
 
 
+@pytest.mark.slow
 def test_the_chart_shows_the_last_minute_to_a_page_that_comes_late(tab):
     with (
         SmallRig() as rig,
@@ -264,6 +265,7 @@ def lost_share(tab):
     return sum(said) / len(said)
 
 
+@pytest.mark.slow
 def test_slow_samples_and_lockstep_are_no_lost_link(tab):
     with SmallRig(period=1.0) as slow, watching(slow.port) as watch:
         tab.open(watch.address, 1280)

@@ -255,6 +255,7 @@ def dry_slide():
     return step * np.arange(n), {"force_reference": voltage, "tension": spring * x + damping * w}, outputs
 
 
+@pytest.mark.slow
 def test_dry_friction_of_the_bench_is_named_and_no_parameter_takes_its_place():
     time, inputs, outputs = dry_slide()
     cls = component("voice_coil_dma")

@@ -13,6 +13,7 @@ from fmus.kit.build import build
 from fmus.kit.build.toolchain import host_platform
 from orchestration.rig.backends.emulator import Emulator
 from tests.support import hosts
+from tests.support.pace import slow_but
 from tests.support.rig.process import Server
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
@@ -42,7 +43,7 @@ def stepped(signals: str, inputs: dict[str, np.ndarray], outputs: list[str]) -> 
 
 
 @pytest.mark.parametrize("master", MASTERS)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", slow_but(CASES, "rig_proxy"))
 def test_outputs_are_those_of_the_emulated_rig_stepped_here(tmp_path, name, runtime, master):
     signals, inputs = CASES[name]
     options = {"signals": signals, "hidden": "double_layer", "seed": 5, "noise": "off"}

@@ -16,6 +16,7 @@ import pytest
 
 from fmus import MODELS
 from tests.support import hosts
+from tests.support.pace import slow_but
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="compiled and linked as on Linux")
 
@@ -73,7 +74,7 @@ def of_the_standard(folder: Path) -> set[str]:
     return set(re.findall(r"^#define (fmi2\w+)\s+fmi2FullName", common + rest, re.M))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", slow_but(MODELS, "ppy_actuator", "foot", "foot_dynamic", "rig_proxy"))
 def test_sources_compile_without_a_warning_and_offer_fmi_alone(sources, name, compiler):
     folder = sources(name)
     functions = of_the_standard(folder)

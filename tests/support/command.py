@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -35,8 +36,8 @@ def ppy(*arguments: object, cwd: Path, environment: dict[str, str] | None = None
 
 
 def works(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> str:
-    """Run the command line and return what it prints; it must succeed."""
-    done = ppy(*arguments, cwd=cwd, environment=environment)
+    """Run the command line, here unless with an environment of its own, and return what it prints; it must succeed."""
+    done = here(*arguments, cwd=cwd) if environment is None else ppy(*arguments, cwd=cwd, environment=environment)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert "\x1b" not in done.stdout + done.stderr  # no terminal codes in files
@@ -89,7 +90,11 @@ def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run the command line in this process; answers as `ppy` does."""
     command, before = ["ppy", *map(str, arguments)], (sys.argv, os.getcwd())
     streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2)]
-    with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]):
+    with (
+        mock.patch.dict(os.environ, COLUMNS="100"),
+        contextlib.redirect_stdout(streams[0]),
+        contextlib.redirect_stderr(streams[1]),
+    ):
         try:
             sys.argv = command
             os.chdir(cwd)

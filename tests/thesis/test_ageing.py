@@ -8,6 +8,7 @@ import pytest
 from fmus.kit.errors import UserError
 from orchestration.system import library
 from orchestration.thesis import ageing
+from tests.support.pace import slow_but
 
 # Table 3-1 and section 4.3, typed in again; library.capacitance() is checked against the printed voltage below.
 R1, R2, C = 0.43, 2.35, 3.3479  # ohm, ohm, F
@@ -59,7 +60,7 @@ def noisy():
     return ageing.run(protected=False, voltage_noise=NOISE, seed=1)
 
 
-@pytest.fixture(scope="module", params=["free", "protected", "noisy"])
+@pytest.fixture(scope="module", params=slow_but(["free", "protected", "noisy"], "protected"))
 def life(request):
     """Each life, with what it should be."""
     signals = request.getfixturevalue(request.param)

@@ -131,6 +131,7 @@ def test_the_sentence_the_curve_and_the_fmu_agree(result, written, runtime):
     assert amount == pytest.approx(1.0, abs=0.05)  # of a table: all of it
 
 
+@pytest.mark.slow
 def test_what_the_catalogue_has_is_told_as_the_catalogue_does(tmp_path):
     """With the catalogue and without it the answer is the same, by name and by parameters."""
     path, plant = drawn(tmp_path, KNOWN)
@@ -187,6 +188,7 @@ def test_a_record_that_is_explained_asks_nothing(tmp_path, monkeypatch):
     assert said.law_map == []
 
 
+@pytest.mark.slow
 def test_several_records_are_asked_as_one_is(tmp_path):
     paths = [tmp_path / f"{seed}.csv" for seed in (1, 4, 5)]
     first = motor(paths[0], NOWHERE)

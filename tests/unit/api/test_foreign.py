@@ -61,6 +61,7 @@ def bent(folder, lag):
     return ppy.diagnose(written(folder, x - 0.02 * x**3), lag, fit=["tau"], time=np.inf)
 
 
+@pytest.mark.slow
 def test_an_output_that_bends_is_told_with_its_curve(bent):
     best = bent.law_map[0]
     assert (best["law"], best["signal"], best["memory"]) == ("x", "simulated_x", "")
@@ -72,6 +73,7 @@ def test_an_output_that_bends_is_told_with_its_curve(bent):
     assert bent.gain.after["x"] < 0.15 * bent.gain.before["x"]
 
 
+@pytest.mark.slow
 def test_the_system_follows_a_record_that_nobody_has_seen(bent, tmp_path):
     """The original FMU with its correction, in our master, beside the closed form."""
     system = read_ssp(bent.system(tmp_path / "s.ssp"), tmp_path / "parts")
@@ -112,6 +114,7 @@ def test_what_a_sensor_does_is_named(folder, lag, effect, change, value):
     assert found.parameters[name].value == pytest.approx(expected, abs=close)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_moves_far_beside_a_cause_is_as_it_is(folder, lag, tmp_path):
     """Fitted without the gain it is wrong by more than a tenth, and what it does is not linear so far away."""
     y = 1.3 * lagged(U, 1.95)
@@ -126,6 +129,7 @@ def test_a_parameter_that_moves_far_beside_a_cause_is_as_it_is(folder, lag, tmp_
     assert system.member("fmu").parameters["tau"] == pytest.approx(1.95, rel=0.01)
 
 
+@pytest.mark.slow
 def test_what_hangs_on_an_input_is_told_over_it(folder, lag):
     """Something of the input reaches the output beside the lag."""
     found = ppy.diagnose(written(folder, lagged(U) + 0.05 * U * np.abs(U), "past.csv"), lag, fit=["tau"], time=np.inf)
@@ -156,6 +160,7 @@ def test_its_system_has_a_member_ahead(starved, tmp_path):
     assert np.sqrt(np.mean((found - truth)[late] ** 2)) < 0.1 * np.sqrt(np.mean((plain - truth)[late] ** 2))
 
 
+@pytest.mark.slow
 def test_a_curve_of_an_input_is_told(folder, lag):
     found = ppy.diagnose(
         written(folder, lagged(U + 0.04 * U * np.abs(U)), "more.csv"), lag, fit=["tau"], effects=[], time=np.inf
@@ -192,6 +197,7 @@ def test_an_input_that_nobody_recorded_stays_as_the_fmu_starts(lag):
     assert {v.name: v.start for v in behind(started, ["x"], [], 1.0, 0.1).cls.layout.inputs}["u"] == 0.7
 
 
+@pytest.mark.slow
 def test_the_command_writes_page_figures_and_system(folder, bent):
     call = ["diagnose", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--time", "inf"]
     said = works(*call, "--report", "r.html", "--json", "r.json", "--ssp", "r.ssp", cwd=folder)

@@ -19,7 +19,7 @@ from tests.support.clean.records import KINDS, conditions, draw
 from tests.support.hidden.change import remembered
 from tests.support.hidden.plants import altered
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 SHARE, TIMES = 0.8, (45.0, 450.0)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from orchestration.cli import laws as asking
 from orchestration.cli.app import main
-from tests.support.command import ppy, works
+from tests.support.command import here, works
 from tests.support.lacking import motor
 
 MODEL = Path(__file__).parents[2] / "support" / "clean" / "models" / "motor.py"
@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
 
 def refused(*arguments, cwd):
     """What is told on a refusal, which is one line and exit code 2."""
-    done = ppy("laws", *arguments, "--model", "motor.py:Motor", cwd=cwd)
+    done = here("laws", *arguments, "--model", "motor.py:Motor", cwd=cwd)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     return done.stderr.strip().splitlines()[-1]
@@ -36,7 +36,7 @@ def refused(*arguments, cwd):
 
 def test_where_nothing_is_wrong_nothing_is_found(folder):
     outputs = ["--json", "laws.json", "--report", "laws.html", "--effect-out", "law.py", "--fmu", "f.fmu"]
-    done = ppy("laws", "clean.csv", "--model", "motor.py:Motor", *outputs, cwd=folder)
+    done = here("laws", "clean.csv", "--model", "motor.py:Motor", *outputs, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("No law is found to lack anything.")
     written = json.loads((folder / "laws.json").read_text(encoding="utf-8"))

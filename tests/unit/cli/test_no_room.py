@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.command import posix, ppy
+from tests.support.pace import slow_but
 from tests.support.small_disk import disk_of_64_kib
 
 pytestmark = posix
@@ -39,7 +40,7 @@ def work(tmp_path):
     return tmp_path / "work"
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", slow_but(COMMANDS, "build", "sweep by workers"))
 def test_no_room_for_temporary_files(command, tmp_path, work):
     with disk_of_64_kib(tmp_path / "disk") as disk:
         environment = {"TMPDIR": str(disk), "PPY_CACHE": str(tmp_path / "cache")}
@@ -50,7 +51,7 @@ def test_no_room_for_temporary_files(command, tmp_path, work):
     assert list(work.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", ["simulate", "sweep"])
+@pytest.mark.parametrize("command", slow_but(["simulate", "sweep"], "simulate"))
 def test_no_room_to_unpack_what_is_built(command, tmp_path, work):
     """The same with a warm cache, where only the FMU is unpacked."""
     environment = {"PPY_CACHE": str(tmp_path / "cache")}
@@ -65,7 +66,7 @@ def test_no_room_to_unpack_what_is_built(command, tmp_path, work):
         assert [path.name for path in disk.iterdir()] == ["other"]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", slow_but(COMMANDS, "build", "sweep by workers"))
 def test_no_room_in_the_cache(command, tmp_path, work):
     with disk_of_64_kib(tmp_path / "disk") as disk:
         told = line_of(ppy(*COMMANDS[command], cwd=work, environment={"PPY_CACHE": str(disk / "cache")}))
@@ -75,7 +76,7 @@ def test_no_room_in_the_cache(command, tmp_path, work):
 
 
 @pytest.mark.parametrize("largest", [1_000, 60_000])
-@pytest.mark.parametrize("command", ["simulate", "sweep"])
+@pytest.mark.parametrize("command", slow_but(["simulate", "sweep"], "simulate"))
 def test_files_that_may_not_be_as_large(command, largest, tmp_path, work):
     """``ulimit -f``: too small for a source file, and for an FMU."""
     done = subprocess.run(
@@ -89,7 +90,7 @@ def test_files_that_may_not_be_as_large(command, largest, tmp_path, work):
     assert "PPY_CACHE" in told if largest > 1_000 else "TMPDIR" in told
 
 
-@pytest.mark.parametrize("command", ["build", "simulate", "sweep"])
+@pytest.mark.parametrize("command", slow_but(["build", "simulate", "sweep"], "build"))
 def test_a_cache_that_is_a_file(command, tmp_path, work):
     (tmp_path / "cache").touch()
     told = line_of(ppy(*COMMANDS[command], cwd=work, environment={"PPY_CACHE": str(tmp_path / "cache")}))

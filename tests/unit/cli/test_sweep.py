@@ -15,7 +15,7 @@ from orchestration.cli.app import main
 from orchestration.cli.options import comma_list
 from orchestration.experiment import results
 from orchestration.sweeps import run
-from tests.support.command import on_terminal, ppy, refused, works
+from tests.support.command import here, on_terminal, refused, works
 from tests.support.hosts import build_one_state_fmu
 from tests.support.misbehaving import build
 
@@ -102,7 +102,7 @@ def test_what_a_preset_sets_can_be_swept(tmp_path):
     ],
 )
 def test_it_refuses_in_a_line(folder, arguments, told):
-    done = ppy(*CALL, *arguments, cwd=folder)
+    done = here(*CALL, *arguments, cwd=folder)
     assert done.returncode == 2
     assert told in done.stderr.replace("\n", " ")
     assert "Traceback" not in done.stderr

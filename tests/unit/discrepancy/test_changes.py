@@ -82,6 +82,7 @@ def resistance(seed, factor):
     return [change for change in told if change.changed], [change.name for change in told if change.uncertain]
 
 
+@pytest.mark.slow
 def test_what_is_not_alike_within_a_record_is_no_change_between_two():
     """By the noise alone one in six is beyond five standard errors; chance makes them all, and 1 % is granted to it."""
     told = [resistance(seed, 1.0) for seed in range(60, 84)]

@@ -72,6 +72,7 @@ def test_a_dead_zone_is_named_that_no_file_lists(folder):
     assert native.exists()
 
 
+@pytest.mark.slow
 def test_they_have_to_be_asked_for_where_a_file_lists_its_own(folder):
     listing = "from fmus.kit.generic import force_offset\n" + MODEL
     listing += '\n\nEFFECTS = {"force_offset": force_offset(Drive, "drag", unit="rad/s")}\n'

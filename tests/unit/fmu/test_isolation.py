@@ -26,10 +26,17 @@ from orchestration.records import read_record
 from orchestration.system.model import Connection, Member, Port, System
 from tests.support.hosts import build_one_state_fmu
 from tests.support.misbehaving import ACTS, END, START, build
+from tests.support.pace import slow_but
 
 TIME = 0.1 * np.arange(31)
 REACHED = 11  # points until the step that begins at 1 s
 HASTE = Limits(step_timeout=2.0, memory=6e8)
+WAYS = {"kernel": {}, "python": {"extrapolation": 1}}
+# one of every place and of every way to end, of which a simulation is shown all
+EACH_KIND = (
+    "exits", "kills_itself", "sleeps", "is_fatal", "crashes_as_it_is_read", "crashes_as_it_begins",
+    "crashes_as_it_is_freed", "changes_the_folder", "closes_every_file", "leaves_a_process_and_aborts",
+)  # fmt: skip
 UNTOLD = ("closes_every_file", "writes_to_every_file")  # by its own process, which has no way left to tell what it does
 DAMAGED = ("writes_to_every_file",)  # and so is what was computed
 
@@ -105,10 +112,12 @@ def three(lag, bad):
     return System("three", members, links, {"u": (Port("a", "u"),)}, step=0.1, stop=3.0)
 
 
-@pytest.mark.parametrize("name", ACTS)
-@pytest.mark.parametrize("options", [{}, {"extrapolation": 1}], ids=["kernel", "python"])
-def test_a_run_of_three(name, options, folder, lag, nothing_left):
-    where, _, told = ACTS[name]
+@pytest.mark.parametrize(
+    ("way", "name"),
+    slow_but([(way, name) for way in WAYS for name in ACTS], *((way, name) for way in WAYS for name in EACH_KIND)),
+)
+def test_a_run_of_three(way, name, folder, lag, nothing_left):
+    (where, _, told), options = ACTS[name], WAYS[way]
     system = three(lag, build(name, folder))
     expected = run(three(lag, lag), TIME, {"u": np.ones(31)}, **options)
     if not told:
@@ -210,7 +219,7 @@ def test_on_the_command_line_it_is_so_unless_told_otherwise(folder, tmp_path):
     np.testing.assert_allclose(part.signals["x"], response(REACHED), atol=1e-9)
 
 
-@pytest.mark.parametrize("presses", [1, 2])
+@pytest.mark.parametrize("presses", slow_but([1, 2], 1))
 def test_ctrl_c_ends_a_hang(presses, folder, tmp_path):
     bad = build("hangs", folder)
     with command("simulate", bad, "--set", "u=1", "--stop", "3s", "--step", "0.1s", cwd=tmp_path) as one:

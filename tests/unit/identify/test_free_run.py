@@ -138,6 +138,7 @@ def _scale(y):
     return np.median(third) / 0.6744897501960817 / np.sqrt(20.0)
 
 
+@pytest.mark.slow
 def test_in_heavy_tails_it_comes_close_to_the_bound():
     """Of variance (Lange, Little, Taylor): (nu + 3) / (nu + 1) of the scale; least squares have nu / (nu - 2)."""
     u, freedom, errors = square(600), 3.0, []

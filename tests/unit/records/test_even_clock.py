@@ -47,6 +47,7 @@ def test_an_autoregression_bears_as_much_jitter_as_is_called_even(pole):
     assert abs(np.mean(innovation[1:] * innovation[:-1])) < 0.03 * variance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["chirp", "multilevel"])
 def test_a_clean_record_with_jitter_is_diagnosed_like_any(kind):
     deviations = []

@@ -22,6 +22,7 @@ from orchestration.experiment.model import parse
 from orchestration.rig.keys import make_keys
 from orchestration.rig.record.plan import plan
 from tests.support.command import here, posix, refused
+from tests.support.pace import slow_but
 from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS, SmallRig, free_port, small_rig_process
 
 pytestmark = pytest.mark.real_time
@@ -77,7 +78,7 @@ def belongs_together(data):
 # --- what is recorded -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("period", [0.005, 0.02, 0.03, 0.05])
+@pytest.mark.parametrize("period", slow_but([0.005, 0.02, 0.03, 0.05], 0.005, 0.05))
 def test_an_output_belongs_to_the_command_of_its_row(tmp_path, experiment, period):
     with SmallRig(period=period) as rig:
         data = recorded(rig, tmp_path, experiment())
@@ -171,6 +172,7 @@ def test_an_old_value_never_looks_fresh(tmp_path, experiment):
     assert np.isfinite(data.current.values[-5:]).any()
 
 
+@pytest.mark.slow
 def test_max_age(tmp_path, experiment):
     still = LEVELS.replace('kind = "multilevel"', 'kind = "constant"').split("levels =")[0] + 'value = "0.5 A"\n'
     path = experiment(1.5, 0.05, still)
@@ -205,6 +207,7 @@ def test_with_keys(tmp_path, experiment):
         assert recorded(rig, tmp_path, experiment(0.3), "--credentials", client).attrs["complete"] == 1
 
 
+@pytest.mark.slow
 def test_a_slow_step_is_kept_alive(tmp_path, experiment):
     """A step that is longer than the watchdog time: commands have to come more often than rows."""
     with SmallRig(period=0.1, watchdog=0.2) as rig:
@@ -384,7 +387,7 @@ def process(rig, folder, stimulus, out="run.nc", before=None):
 
 
 @posix
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", slow_but([signal.SIGINT, signal.SIGTERM], signal.SIGINT))
 def test_ctrl_c_writes_what_there_is(tmp_path, experiment, number):
     with SmallRig() as rig:
         running = process(rig, tmp_path, experiment(60.0))

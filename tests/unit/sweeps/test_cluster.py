@@ -14,6 +14,7 @@ from fmus.kit import UserError
 from orchestration.sweeps import cluster
 from tests.support.command import ppy as command
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
+from tests.support.pace import slow_but
 
 distributed = pytest.importorskip("distributed", reason="no Dask cluster without distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # what Dask thinks of its own parts
@@ -82,7 +83,7 @@ def unpacked(folder):
     return [path for path in folder.rglob("*") if path.suffix in (".fmu", ".so", ".xml") or "ppy-" in path.name]
 
 
-@pytest.mark.parametrize("ends", ["by itself", "killed", "interrupted"])
+@pytest.mark.parametrize("ends", slow_but(["by itself", "killed", "interrupted"], "killed"))
 def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
     """On workers that go on, nor where one was killed, nor where they were busy when nobody wanted more."""
     (tmp_path / "tmp").mkdir()
@@ -114,6 +115,7 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
     assert unpacked(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
     call = {"over": {"tau": "0.5..4:5"}, "time": TIME}
     with pytest.raises(UserError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers there"):
@@ -126,10 +128,10 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
     ("address", "told"),
     [
         ("foo", "no address of a scheduler"),
-        ("nonsense://x:1", "no address of a scheduler"),
-        ("tcp://localhost", "no address of a scheduler"),
+        pytest.param("nonsense://x:1", "no address of a scheduler", marks=pytest.mark.slow),
+        pytest.param("tcp://localhost", "no address of a scheduler", marks=pytest.mark.slow),
         ("tcp://localhost:99999", "no address of a scheduler"),
-        ("inproc://1.2.3.4/5/6", "no address of a scheduler"),
+        pytest.param("inproc://1.2.3.4/5/6", "no address of a scheduler", marks=pytest.mark.slow),
         ("tls://127.0.0.1:9", "no certificates"),
     ],
 )

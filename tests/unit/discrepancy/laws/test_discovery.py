@@ -25,6 +25,7 @@ from tests.support.hidden.change import static
 from tests.support.hidden.curves import hard_sinh, power
 from tests.support.hidden.plants import altered
 from tests.support.lacking import diagnosed, motor
+from tests.support.pace import slow_but
 
 pytestmark = pytest.mark.timeout(120)
 HIDDEN = power(0.04, 150.0, 2.0)
@@ -45,6 +46,19 @@ def spring(tmp_path_factory):
     drawn = draw(case, plant=altered("Pendulum", static("gravity", hard_sinh(0.6, 0.3))))
     drawn.write(path)
     return drawn, diagnosed(path, drawn.plant.model)
+
+
+each = pytest.mark.parametrize("plant", slow_but(["found_drag", "found_spring"], "found_drag"))
+
+
+@pytest.fixture(scope="module")
+def found_drag(drag):
+    return discover(drag[1])
+
+
+@pytest.fixture(scope="module")
+def found_spring(spring):
+    return discover(spring[1])
 
 
 def widths(drawn, residual):
@@ -81,10 +95,9 @@ def test_the_map_has_the_right_law_and_signal_among_the_first(drag, spring):
         assert right[0].curve.gain > max(10.0 * found.chance, 0.95 * entries[0].curve.gain)
 
 
-def test_a_curve_and_what_the_model_has_are_the_plants_law(drag):
-    drawn, diagnosis = drag
-    found = discover(diagnosis)
-    best = found.corrections[0]
+def test_a_curve_and_what_the_model_has_are_the_plants_law(drag, found_drag):
+    drawn, _ = drag
+    best = found_drag.corrections[0]
     knots, values = best.entry.basis.knots, best.fitted.curve.values
     whole = best.fitted.values["damping"] * knots + values
     truth = drawn.truth["damping"] * knots + np.array([HIDDEN(x) for x in knots])
@@ -100,26 +113,26 @@ def test_of_laws_that_do_the_same_each_is_multiplied(spring):
     assert {("gravity", "angle"), ("friction", "angle"), ("acceleration", "angle")} <= multiplied
 
 
-def test_it_is_confirmed_by_what_no_fit_has_seen(drag, spring):
-    for _, diagnosis in (drag, spring):
-        best = discover(diagnosis).corrections[0]
-        assert best.confirmed
-        before, after = best.errors
-        assert all(after[o] < 0.5 * before[o] for o in before)
+@each
+def test_it_is_confirmed_by_what_no_fit_has_seen(plant, request):
+    best = request.getfixturevalue(plant).corrections[0]
+    assert best.confirmed
+    before, after = best.errors
+    assert all(after[o] < 0.5 * before[o] for o in before)
 
 
-def test_what_is_likelier_and_simulates_worse_is_not_confirmed(drag):
-    best = discover(drag[1]).corrections[0]
+def test_what_is_likelier_and_simulates_worse_is_not_confirmed(found_drag):
+    best = found_drag.corrections[0]
     before, after = best.errors
     assert best.confirmed
     assert not replace(best, errors=(after, before)).confirmed
 
 
-def test_what_is_told_stands_there_once(drag, spring):
+@each
+def test_what_is_told_stands_there_once(plant, request):
     """Of lags with several constants one is fitted, since its constant is fitted too."""
-    for _, diagnosis in (drag, spring):
-        told = [one.entry.what for one in discover(diagnosis).corrections]
-        assert len(told) == len(set(told))
+    told = [one.entry.what for one in request.getfixturevalue(plant).corrections]
+    assert len(told) == len(set(told))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -160,7 +173,10 @@ def test_a_fit_begins_with_less_of_a_curve_where_the_map_is_far_off(drag):
 
 @pytest.mark.parametrize(
     ("others", "much"),
-    [(("acceleration", "load", "", "add"), discovery._MUCH), (("friction", "voltage", "", "multiply"), np.inf)],
+    [
+        (("acceleration", "load", "", "add"), discovery._MUCH),
+        pytest.param(("friction", "voltage", "", "multiply"), np.inf, marks=pytest.mark.slow),
+    ],
 )
 def test_the_first_order_may_be_wrong(drag, monkeypatch, others, much):
     """Where much is left all signals are tried as they are, and always those that stand beside a law."""
@@ -173,16 +189,16 @@ def test_the_first_order_may_be_wrong(drag, monkeypatch, others, much):
     assert best.entry.what[:2] == ("friction", "omega")
 
 
-def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(drag):
-    best = discover(drag[1]).corrections[0]
+def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(found_drag):
+    best = found_drag.corrections[0]
     assert (best.entry.law, best.entry.signal.name, best.entry.signal.memory) == ("friction", "omega", "")
     told = [(e.law, e.signal.name, e.signal.memory) for e in best.alike]
     assert len(told) == len(set(told))
     assert ("friction", "omega", "") not in told
 
 
-def test_shapes_are_told_in_the_order_of_their_criterion(drag):
-    best = discover(drag[1]).corrections[0]
+def test_shapes_are_told_in_the_order_of_their_criterion(found_drag):
+    best = found_drag.corrections[0]
     above = [criterion for _, criterion in best.shapes]
     assert above == sorted(above)
     assert best.shape in ("", best.shapes[0][0])

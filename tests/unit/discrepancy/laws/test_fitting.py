@@ -23,12 +23,13 @@ from tests.support.clean.plants import PLANTS
 from tests.support.clean.records import KINDS, conditions, draw
 from tests.support.hidden.change import remembered
 from tests.support.hidden.plants import altered
+from tests.support.pace import slow_but
 
 pytestmark = pytest.mark.timeout(180)
 SHARE, TIME = 0.8, 150.0
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["from rest", "moving"])
+@pytest.fixture(scope="module", params=slow_but([False, True], False), ids=["from rest", "moving"])
 def wall(tmp_path_factory, request):
     """Two thermal nodes with a third one behind the outer, which stores and gives back."""
     path = tmp_path_factory.mktemp("wall") / "nodes.csv"
@@ -40,6 +41,7 @@ def wall(tmp_path_factory, request):
     return judge([read_record(path, subject)], subject, None, Options(effects=[])).diagnosis
 
 
+@pytest.mark.slow
 def test_a_node_behind_is_what_a_loss_remembers(wall):
     best = discover(wall).corrections[0]
     assert (best.entry.law, best.entry.signal.name, best.shape) == ("loss", "outer", "linear")

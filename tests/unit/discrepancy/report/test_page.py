@@ -28,6 +28,7 @@ from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
 from tests.support.browser import chromium
 from tests.support.diagnosis import FEW, broken_off
+from tests.support.pace import slow_but
 from tests.support.pages import content, figures_of, words_of
 
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
@@ -256,7 +257,12 @@ SMALLEST = """Math.min(...[...document.querySelectorAll("p, li, td, th, h1, h2, 
 
 
 @pytest.mark.parametrize(
-    ("name", "width"), [*((name, 390) for name in PAGES), ("cause", 1280), ("unexplained", 1280), ("holdout", 1280)]
+    ("name", "width"),
+    slow_but(
+        [*((name, 390) for name in PAGES), ("cause", 1280), ("unexplained", 1280), ("holdout", 1280)],
+        *((name, 390) for name in PAGES if name not in ("idle", "voltage")),
+        ("cause", 1280),
+    ),
 )
 def test_a_browser_shows_it(tab, made, name, width, tmp_path):
     file = tmp_path / f"{name}.html"

@@ -25,6 +25,7 @@ from orchestration.discrepancy.validation.errors_in_variables import assess, def
 from tests.support.diagnosis import short_record
 from tests.support.gain import Gain
 from tests.support.intersample_records import TRUE, record, stimulus
+from tests.support.pace import slow_but
 
 AT_REST = tuple(PpyActuator.layout.start_parameters)
 KINDS = ("chirp", "multisine", "triangle", "square", "prbs", "multilevel")
@@ -85,7 +86,7 @@ def test_noise_of_the_input_that_is_most_of_what_is_left_is_held_against_a_claim
     assert 0.5 < notes[0].facts["gain"] / claimed.steps[0].gain < 2.0
 
 
-@pytest.mark.parametrize("kind", ["triangle", "square", "multilevel"])
+@pytest.mark.parametrize("kind", slow_but(["triangle", "square", "multilevel"], "square"))
 def test_noise_on_an_input_is_told_and_no_cause(kind):
     """A lag keeps noise of the current from the voltage, and a drift follows its integral: neither is there."""
     for seed in range(3):

@@ -19,6 +19,7 @@ from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.sensors import sensor_lag
 from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator
+from tests.support.pace import slow_but
 
 
 @pytest.fixture(params=["compiled", "interpreted"], autouse=True)
@@ -145,14 +146,19 @@ def ladder_of(time, cls=Drive, linear=False, inputs=1):
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize(
     ("cls", "values", "samples"),
-    [(Drive, {}, 40), (Nonlinear, HARD, 40), (Nonlinear, STOPPED, 40), (Nonlinear, HARD | SHORT, 10)],
+    slow_but(
+        [(Drive, {}, 40), (Nonlinear, HARD, 40), (Nonlinear, STOPPED, 40), (Nonlinear, HARD | SHORT, 10)],
+        (Drive, {}, 40),
+        (Nonlinear, HARD, 40),
+        (Nonlinear, HARD | SHORT, 10),
+    ),
     ids=["linear", "hardening", "stop", "stiffer"],
 )
 def test_a_stiff_component_and_its_sensitivities_follow_radau(cls, values, samples, linear):
     followed(cls, values, STEP * np.arange(samples), linear)
 
 
-@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("linear", slow_but([False, True], False))
 def test_uneven_samples_are_followed_too(linear):
     time = np.cumsum(np.random.default_rng(4).choice([0.03, 0.05, 0.0713, 0.2], 10))
     followed(Nonlinear, HARD | SHORT, time, linear)

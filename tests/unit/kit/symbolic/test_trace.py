@@ -10,6 +10,7 @@ from fmus.kit.symbolic.structure import dependencies
 from fmus.kit.symbolic.trace import trace
 from tests.contract.subjects import ACTUATORS
 from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warmer
+from tests.support.pace import slow_but
 
 CLASSES = [Curved, Divider, Thermostat, stack(Thermostat, Warmer, Doubled), *map(fmus.component, fmus.COMPONENTS)]
 GRAPHS = {cls: trace(cls) for cls in CLASSES}
@@ -164,7 +165,11 @@ def test_dependencies_against_differences(cls):
         assert listed[position[unknown]] == [position[k] for k, depends in zip(knowns, row, strict=True) if depends]
 
 
-@classes
+@pytest.mark.parametrize(
+    "cls",
+    slow_but(CLASSES, *(cls for cls in CLASSES if cls.name not in ("degradation_estimator", "foot_dynamic"))),
+    ids=lambda cls: cls.name,
+)
 def test_initial_dependencies_against_differences(cls):
     layout = cls.layout
     initial = dependencies(layout, GRAPHS[cls])["InitialUnknowns"]
