@@ -96,11 +96,16 @@ class Box:
         """Nothing goes on."""
         self._head.length, self._head.slot = 0, _NONE
 
-    def do(self, what: str) -> None:
-        """Note what an FMU is asked to do; nothing: it has answered."""
-        data, head = what.encode()[:_TEXT], self._head
-        head.text, head.length = data, len(data)
+    def do(self, what: bytes) -> None:
+        """Note what an FMU is asked to do, in UTF-8."""
+        head, what = self._head, what[:_TEXT]
+        head.text, head.length = what, len(what)
         head.beat += 1
+
+    def done(self) -> None:
+        """Note that it has answered."""
+        self._head.length = 0
+        self._head.beat += 1
 
     def run(self, legend: list[tuple[str, bool]]) -> Progress:
         """Memory of a run of the kernel; of this process alone, if there is no room.
@@ -194,16 +199,21 @@ def rows(shape: tuple[int, int], name: str = _ROWS) -> Array:
         raise UserError(f"{current.folder}: cannot be written ({error.strerror or error})") from error
 
 
-@contextmanager
-def doing(what: str) -> Iterator[None]:
+class doing:  # in place of a generator, which takes as long as some calls do
     """Note what an FMU is asked to do, while it does it."""
-    box = current
-    if box is None:
-        yield
-        return
-    box.do(what)
-    yield
-    box.do("")  # not after an exception: the next call notes itself
+
+    __slots__ = ("_what",)
+
+    def __init__(self, what: str):
+        self._what = what
+
+    def __enter__(self) -> None:
+        if current is not None:
+            current.do(self._what.encode())
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if current is not None and kind is None:  # else the next call notes itself
+            current.done()
 
 
 @contextmanager
@@ -232,13 +242,19 @@ def keep(about: Any) -> None:
 class _Noted(partial[int]):
     """A call of an FMI function that is noted while it lasts."""
 
-    whose, what = "", ""
+    box: Box
+    words: bytes  # an FMU is asked a dozen times to begin anew, which must not take as long as what follows
+    step: bool  # whose time the words leave open
 
     def __call__(self, /, *more: Any, **options: Any) -> int:
-        given = [*self.args, *more]
-        at = getattr(given[1], "value", given[1]) if self.what in _STEPS else 0.0
-        with doing(f"{self.whose}: step from {at:g} s" if self.what in _STEPS else f"{self.whose}: {self.what}"):
-            return super().__call__(*more, **options)
+        words = self.words
+        if self.step:
+            at = [*self.args, *more][1]
+            words = b"%s from %s s" % (words, f"{getattr(at, 'value', at):g}".encode())
+        self.box.do(words)
+        status = super().__call__(*more, **options)
+        self.box.done()
+        return status
 
 
 def noted(call: Callable[..., int], whose: str, what: str) -> Any:
@@ -246,5 +262,6 @@ def noted(call: Callable[..., int], whose: str, what: str) -> Any:
     if current is None:
         return call
     one = _Noted(call)
-    one.whose, one.what = whose, what
+    one.box, one.step = current, what in _STEPS
+    one.words = f"{whose}: {'step' if one.step else what}".encode()
     return one

@@ -142,7 +142,7 @@ def test_a_list_is_taken_literally(text):
 def test_a_sweep_of_which_nothing_could_be_run_is_no_success(tmp_path):
     build("writes_to_nothing", tmp_path)
     call = ["sweep", "writes_to_nothing.fmu", "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--over", "tau=0.5,1,2"]
-    said = ppy(*call, "--out", "x.nc", cwd=tmp_path)
+    said = here(*call, "--out", "x.nc", cwd=tmp_path)
     assert said.returncode == 2
     assert said.stderr.splitlines()[-1] == "error: not one of the 3 cases could be run"
     found = xarray.load_dataset(tmp_path / "x.nc", engine="scipy")
