@@ -129,10 +129,10 @@ def test_a_stiff_plant_has_no_cause(case):
 @pytest.mark.parametrize(
     "case",
     [
-        Case("VoiceCoil", "PRBS", "12 bit", 2026112100011),
+        pytest.param(Case("VoiceCoil", "PRBS", "12 bit", 2026112100011), marks=pytest.mark.slow),
         Case("Cell", "multisine", "Gaussian", 21, at_rest=False),
         Case("Motor", "closed loop", "AR", 22),
-        Case("Actuator", "PRBS", "varying", 23, timing="1 Hz"),
+        pytest.param(Case("Actuator", "PRBS", "varying", 23, timing="1 Hz"), marks=pytest.mark.slow),
     ],
     ids=str,
 )

@@ -20,7 +20,6 @@ import orchestration
 from orchestration.discrepancy.selection.stepwise import MOST
 from orchestration.records import read_record
 from tests.support.command import works
-from tests.support.pace import slow_but
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -125,7 +124,6 @@ def test_where_it_started_is_not_known_nothing_is_said(public_data, tmp_path):
 
 
 ARROW, MULTISINE = 40_000, 49_000  # the former end at this sample, the latter are under way
-ASKED = ("--effects", "cubic_stiffness,coulomb_friction")
 STEPS = 4  # of the integrator here, for each sample
 
 
@@ -154,18 +152,16 @@ def duffing(values, time, force):
     return shown + values.get("position_offset", 0.0)
 
 
-@pytest.mark.parametrize(
-    ("samples", "asked"),
-    slow_but([(8192, ASKED), (8192, ()), (82_000, ())], (8192, ASKED)),
-)
-def test_a_circuit_hardens(public_data, tmp_path, samples, asked):
+@pytest.mark.slow  # `test_examples.py` has less of it in the fast ones
+@pytest.mark.parametrize("samples", [8192, 82_000])
+def test_a_circuit_hardens(public_data, tmp_path, samples):
     """Fitted to a stretch of the multisines, judged on the arrow."""
     head, *rows = public_data("silverbox_snls80mV.csv").read_text(encoding="utf-8").splitlines()
     for name, part in (("arrow", rows[:ARROW]), ("multisine", rows[MULTISINE : MULTISINE + samples])):
         (tmp_path / f"{name}.csv").write_text("\n".join([head, *part]), encoding="utf-8")
     options = ("--map", "input=force[N]", "--map", "output=position[m]", "--interpolate", "--holdout", "arrow.csv")
     model = "mass_spring_damper.py:MassSpringDamper"
-    figures, values, _ = diagnosed("multisine.csv", model, *asked, *options, folder=tmp_path)
+    figures, values, _ = diagnosed("multisine.csv", model, *options, folder=tmp_path)
     assert figures["verdict"] == "cause"
     assert "cubic_stiffness" in causes(figures)
     (cubic,) = [cause for cause in figures["causes"] if cause["effect"] == "cubic_stiffness"]

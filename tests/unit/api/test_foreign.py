@@ -217,8 +217,9 @@ def test_the_command_writes_page_figures_and_system(folder, bent):
     ids=lambda value: " ".join(value),
 )
 def test_what_cannot_be_is_refused_in_a_line(folder, arguments, parts):
-    written(folder, lagged(U), "right.csv", seed=3)
-    refused(folder, "diagnose", "r.csv", "--model", "one_state.fmu", *arguments, parts=parts)
+    for name in ("asked.csv", "right.csv"):
+        written(folder, lagged(U), name, seed=3)
+    refused(folder, "diagnose", "asked.csv", "--model", "one_state.fmu", *arguments, parts=parts)
 
 
 def test_a_fit_of_what_has_equations_is_refused(folder):

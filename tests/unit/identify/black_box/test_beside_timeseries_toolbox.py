@@ -34,7 +34,7 @@ def of_ours(record):
     return model.simulate(record.inputs, before=[0, 0])
 
 
-@pytest.mark.parametrize("d1", [-0.8, 0.5])
+@pytest.mark.parametrize("d1", [pytest.param(-0.8, marks=pytest.mark.slow), 0.5])
 def test_the_free_run_is_no_farther_from_the_truth(d1):
     records = [box_jenkins_record(seed, d1=d1) for seed in SEEDS]
     ours = [fit(record.truth, of_ours(record)) for record in records]
