@@ -50,12 +50,14 @@ def load(name: str) -> str:
 def built(tmp_path_factory: pytest.TempPathFactory) -> Callable[[type[Component], str], Path]:
     """Path of the FMU of a class that is not one of ours, built once a session: ``built(cls, runtime)``."""
     folder = tmp_path_factory.mktemp("models")
+    places: dict[tuple[type[Component], str], Path] = {}  # two classes may have one name
 
     def path(cls: type[Component], runtime: str) -> Path:
-        file = folder / runtime / f"{cls.name}.fmu"
-        if not file.exists():
-            file.parent.mkdir(exist_ok=True)
+        if (cls, runtime) not in places:
+            file = folder / str(len(places)) / f"{cls.name}.fmu"
+            file.parent.mkdir()
             file.write_bytes(build(cls, runtime, [host_platform()]))
-        return file
+            places[cls, runtime] = file
+        return places[cls, runtime]
 
     return path

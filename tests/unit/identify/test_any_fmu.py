@@ -9,7 +9,6 @@ import tempfile
 from dataclasses import replace
 
 import numpy as np
-import psutil
 import pytest
 
 import orchestration as ppy
@@ -20,6 +19,7 @@ from orchestration.fmu.isolation.limits import Limits, isolating
 from orchestration.identify.any_fmu import FmuWithDifferences
 from tests.support import misbehaving
 from tests.support.hosts import build_one_state_fmu, build_pythonfmu
+from tests.support.processes import of_fmus
 
 TIME = 0.1 * np.arange(101)
 # substeps of Euler's method, as many as the time constant asks for: results jump where their number does
@@ -170,9 +170,8 @@ def test_where_it_fails_itself_is_told_in_a_line(noisy):
 def test_a_process_that_ends_is_told_in_a_line(lag):
     with FmuWithDifferences(lag, ["tau"], ["x"], workers=2) as fmu:
         fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.0})
-        for process in psutil.Process().children():
-            if "isolation.child" in " ".join(process.cmdline()):
-                process.kill()
+        for process in of_fmus():
+            process.kill()
         with pytest.raises(UserError, match=r"one_state\.fmu: its process was ended by SIGKILL"):
             fmu.run(TIME, {"u": np.ones(101)}, {"tau": 5.0})
 

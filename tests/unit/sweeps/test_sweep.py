@@ -8,7 +8,6 @@ import tempfile
 from dataclasses import replace
 
 import numpy as np
-import psutil
 import pytest
 import xarray
 
@@ -16,6 +15,7 @@ import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.sweeps import run
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
+from tests.support.processes import of_fmus
 
 TIME = 0.1 * np.arange(51)
 
@@ -172,7 +172,7 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, kills):
 
     def kill(done, whole):
         if kills and done == 1:
-            os.kill(children()[0].pid, signal.SIGKILL)
+            os.kill(of_fmus()[0].pid, signal.SIGKILL)
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setenv("TMPDIR", str(tmp_path))  # for the processes
@@ -194,11 +194,6 @@ def test_there_are_no_more_workers_than_cases(lag, monkeypatch):
             ppy.sweep(lag, **call, workers=count)
 
 
-def children():
-    """Processes that this one has started to run FMUs."""
-    return [child for child in psutil.Process().children() if "isolation.child" in " ".join(child.cmdline())]
-
-
 def test_workers_end_with_an_interrupt(lag):
     def interrupt(done, whole):
         if done >= 5:
@@ -207,7 +202,7 @@ def test_workers_end_with_an_interrupt(lag):
     with pytest.raises(KeyboardInterrupt):
         ppy.sweep(lag, {"tau": "0.5..4:4000"}, {"u": 1.0}, time=np.linspace(0.0, 5.0, 5001), workers=2,
                   progress=interrupt)  # fmt: skip
-    assert not children()
+    assert not of_fmus()
 
 
 def test_a_killed_worker_costs_nothing(lag):
@@ -216,7 +211,7 @@ def test_a_killed_worker_costs_nothing(lag):
 
     def kill(done, whole):
         if done >= 40 and not killed:
-            child = children()[0]
+            child = of_fmus()[0]
             killed.append(child.pid)
             os.kill(child.pid, signal.SIGKILL)
 
