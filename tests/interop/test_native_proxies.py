@@ -40,6 +40,7 @@ def test_every_compiler_is_content(tmp_path, target, standard):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow  # compilers of all platforms
 def test_every_platform_finds_what_the_proxy_needs():
     """No ZeroMQ, no libsodium, no C++ runtime."""
     with zipfile.ZipFile(BytesIO(build(component("rig_proxy"), "native", list(OF_THE_SYSTEM)))) as archive:
