@@ -34,8 +34,12 @@ class Kinks(Component):
     def excess(self):
         return maximum(self.ramp - self.edge, 0.0)
 
-    def above(self):
-        return where(self.ramp > self.level, 1.0, 0.0) * where(self.edge > 0.0, 1.0, 2.0)
+    def above(self):  # that and the magnitude below switch at zero: one place
+        return (
+            where(self.ramp < 0.0, 0.0, 1.0)
+            * where(self.ramp > self.level, 1.0, 0.0)
+            * where(self.edge > 0.0, 1.0, 2.0)
+        )
 
     @Output("1")
     def size(self):

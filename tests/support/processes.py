@@ -7,6 +7,11 @@ import contextlib
 import psutil
 
 
+def children() -> set[int]:
+    """Numbers of all, also of those that have ended and that nobody has asked how."""
+    return {child.pid for child in psutil.Process().children()}
+
+
 def of_fmus() -> list[psutil.Process]:
     """Those in which FMUs run."""
     found = []

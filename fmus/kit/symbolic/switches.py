@@ -46,7 +46,9 @@ def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence
         elif operation != ca.OP_OUTPUT:
             operands = [work[i] for i in inputs]
             if (place := _place(operation, operands)) is not None:
-                found.setdefault(frozenset(operand.element_hash() for operand in operands), place)
+                # the magnitude of what is compared with zero switches at the same place
+                key = frozenset(operand.element_hash() for operand in operands if not operand.is_zero())
+                found.setdefault(key, place)
             work[outputs[0]] = (ca.SX.unary if len(operands) == 1 else ca.SX.binary)(operation, *operands)
     moved = ca.vertcat(*moving)
     return ca.vertcat(ca.SX(0, 1), *(place for place in found.values() if ca.depends_on(place, moved)))
