@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers on two cores; before numpy is loaded
 
+import gc
 import shutil
 import signal
 import tempfile
@@ -35,6 +36,12 @@ def pytest_itemcollected(item: pytest.Item) -> None:
     given = item.callspec.params if hasattr(item, "callspec") else {}
     if given.get("runtime") == "python" and "foot_dynamic" in (given.get("name"), given.get("model")):
         item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_finish() -> None:
+    """Keep what lives until the end out of every collection of garbage; a run in real time begins with one."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

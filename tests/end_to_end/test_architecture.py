@@ -21,6 +21,7 @@ from orchestration.rig.emulator.hidden_electrical import DoubleLayer
 from tests.support.command import UNITS
 
 PAGE = (drawing.ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+FILES = sorted(path.name for path in drawing.PICTURES.glob("layers*.svg"))
 WAY = re.findall(r"^\d+\. `([\w.]+)`", PAGE, re.M)
 # First call of a function in each module, whichever thread makes it; what an import does is no step of the way.
 TRACE = """
@@ -49,10 +50,14 @@ Path("trace.json").write_text(json.dumps(list(entered)))
 """
 
 
-@pytest.mark.parametrize("file", drawing.plans())
+@pytest.mark.parametrize("file", FILES)
 def test_a_picture_is_up_to_date(file: str) -> None:
     """`python docs/draw_architecture.py` brings it there."""
     assert (drawing.PICTURES / file).read_text(encoding="utf-8") == drawing.svg(drawing.plans()[file])
+
+
+def test_every_picture_is_there() -> None:
+    assert sorted(drawing.plans()) == FILES
 
 
 def test_every_room_is_described() -> None:

@@ -76,12 +76,12 @@ def test_in_real_time_it_keeps_pace_and_records_the_link(rig, tmp_path):
         "step=10ms",
         "--set",
         "master.rates.bench=100",
-        duration=3.0,
+        duration=1.5,
     )
     assert done.returncode == 0, done.stderr
     data = results.read(tmp_path / "run.nc")
     assert data.attrs["deadlines"] == data.time.size - 1
-    assert data.attrs["wall_time"] >= 3.0
+    assert data.attrs["wall_time"] >= 1.5
     assert set(AGES) | {"proxy.link_state", "proxy.round_trip_time", "proxy.missed_deadlines"} <= set(data)
     assert settled(data, "proxy.voltage") == pytest.approx(0.4 * RESISTANCE, rel=1e-12)
     assert float(data["proxy.round_trip_time"].min()) > 0.0

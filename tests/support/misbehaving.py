@@ -28,7 +28,7 @@ ACTS = {
     "kills_itself": (STEP, "kill(getpid(), SIGKILL)", "SIGKILL"),
     "terminates_itself": (STEP, "raise(SIGTERM)", "SIGTERM"),
     "hangs": (STEP, "hang()", "no answer within"),
-    "sleeps": (STEP, "for (;;) pause()", "no answer within"),
+    "sleeps": (STEP, "rest()", "no answer within"),
     "hangs_deaf": (STEP, "deaf()", "no answer within"),
     "takes_all_memory": (STEP, "take_memory()", "ended by SIG"),
     "recurses": (STEP, "recurse(0)", "SIGSEGV"),

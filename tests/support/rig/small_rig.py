@@ -8,6 +8,7 @@ allow are the affair of :mod:`tests.support.rig.scripted_rig`.
 from __future__ import annotations
 
 import json
+import math
 import socket
 import subprocess
 import sys
@@ -128,7 +129,7 @@ class SmallRig:
             if now >= following:
                 following = max(following + self.period, now)
                 self._sample(publisher, now)
-            if router.poll(max(0.0, min(20.0, 1000.0 * (following - now)))):
+            if router.poll(max(0, min(20, math.ceil(1000.0 * (following - now))))):
                 self._answer(router, router.recv_multipart())
         if authenticator is not None:
             authenticator.stop()

@@ -31,6 +31,7 @@ from tests.support.pace import slow_but
 TIME = 0.1 * np.arange(31)
 REACHED = 11  # points until the step that begins at 1 s
 HASTE = Limits(step_timeout=2.0, memory=6e8)
+HURRY = Limits(step_timeout=1.0, memory=6e8)  # what hangs takes a processor until it is ended
 WAYS = {"kernel": {}, "python": {"extrapolation": 1}}
 # one of every place and of every way to end, of which a simulation is shown all
 EACH_KIND = (
@@ -82,12 +83,13 @@ def response(points):
 def test_a_simulation(name, folder, nothing_left):
     where, _, told = ACTS[name]
     call = (str(build(name, folder)), {"u": 1.0})
+    limits = HURRY if told == "no answer within" else HASTE
     if not told:
-        found = ppy.simulate(*call, time=TIME, isolate=HASTE)
+        found = ppy.simulate(*call, time=TIME, isolate=limits)
         np.testing.assert_allclose(found["x"], response(31), atol=1e-12)
         return
     with pytest.raises(UserError, match=f"^{name}.fmu: ") as refused:
-        ppy.simulate(*call, time=TIME, isolate=HASTE)
+        ppy.simulate(*call, time=TIME, isolate=limits)
     message = str(refused.value)
     assert told in message
     assert "\n" not in message
@@ -114,7 +116,11 @@ def three(lag, bad):
 
 @pytest.mark.parametrize(
     ("way", "name"),
-    slow_but([(way, name) for way in WAYS for name in ACTS], *((way, name) for way in WAYS for name in EACH_KIND)),
+    slow_but(
+        [(way, name) for way in WAYS for name in ACTS],
+        *(("kernel", name) for name in EACH_KIND),
+        *(("python", name) for name in ("exits", "sleeps", "changes_the_folder")),
+    ),
 )
 def test_a_run_of_three(way, name, folder, lag, nothing_left):
     (where, _, told), options = ACTS[name], WAYS[way]
@@ -219,11 +225,28 @@ def test_on_the_command_line_it_is_so_unless_told_otherwise(folder, tmp_path):
     np.testing.assert_allclose(part.signals["x"], response(REACHED), atol=1e-9)
 
 
+@pytest.fixture
+def resting(folder, tmp_path, monkeypatch):
+    """Start a simulation with these options, and return its process as soon as its FMU does not return any more."""
+    sign = tmp_path / "rests"
+    monkeypatch.setenv("PPY_TEST_RESTS", str(sign))
+
+    def start(*options):
+        run = ("simulate", build("sleeps", folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s")
+        process = command(*run, *options, cwd=tmp_path)
+        until = time.monotonic() + 60.0
+        while not sign.exists() and process.poll() is None and time.monotonic() < until:
+            time.sleep(0.05)
+        assert sign.exists(), process.communicate(timeout=20)
+        time.sleep(0.3)  # until whoever watches has seen that it goes on
+        return process
+
+    return start
+
+
 @pytest.mark.parametrize("presses", slow_but([1, 2], 1))
-def test_ctrl_c_ends_a_hang(presses, folder, tmp_path):
-    bad = build("hangs", folder)
-    with command("simulate", bad, "--set", "u=1", "--stop", "3s", "--step", "0.1s", cwd=tmp_path) as one:
-        time.sleep(6.0)  # until it hangs
+def test_ctrl_c_ends_a_hang(presses, resting, tmp_path):
+    with resting() as one:
         begin = time.monotonic()
         for _ in range(presses):
             one.send_signal(signal.SIGINT)
@@ -235,13 +258,9 @@ def test_ctrl_c_ends_a_hang(presses, folder, tmp_path):
     assert [path for path in tmp_path.iterdir() if path.name.startswith("ppy-fmu")] == []
 
 
-def test_where_its_parent_is_killed_it_ends(folder, tmp_path):
-    bad = build("hangs", folder)
-    with command("simulate", bad, "--set", "u=1", "--stop", "3s", "--step", "0.1s", cwd=tmp_path) as one:
-        until = time.monotonic() + 60.0
-        while not (found := grandchildren(one.pid)) and time.monotonic() < until:
-            time.sleep(0.1)
-        time.sleep(3.0)
+def test_where_its_parent_is_killed_it_ends(resting):
+    with resting() as one:
+        found = [child.pid for child in psutil.Process(one.pid).children()]
         one.kill()
         one.communicate()
     assert found
@@ -249,10 +268,6 @@ def test_where_its_parent_is_killed_it_ends(folder, tmp_path):
     while any(alive(pid) for pid in found) and time.monotonic() < until:
         time.sleep(0.2)
     assert not any(alive(pid) for pid in found)
-
-
-def grandchildren(pid):
-    return [child.pid for child in psutil.Process(pid).children()]
 
 
 def alive(pid):
@@ -289,10 +304,8 @@ def test_an_exit_in_process_does_not_look_like_success(name, folder, tmp_path):
     assert (tmp_path / "out.csv").read_text() == "dear\n"
 
 
-def test_a_second_ctrl_c_ends_a_hang_in_process(folder, tmp_path):
-    run = ("simulate", build("hangs", folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--no-isolate")
-    with command(*run, cwd=tmp_path) as one:
-        time.sleep(6.0)  # until it hangs
+def test_a_second_ctrl_c_ends_a_hang_in_process(resting):
+    with resting("--no-isolate") as one:
         one.send_signal(signal.SIGINT)
         time.sleep(1.0)
         assert one.poll() is None, "nobody hears the first"

@@ -137,7 +137,7 @@ def test_an_fmu_in_processes_of_its_own_comes_to_the_same_bits(lag):
 
 @pytest.mark.parametrize(
     ("act", "told"),
-    [("exits", "step from 1 s: its process ended (exit status 0)"), ("hangs", "step from 1 s: no answer within 1 s")],
+    [("exits", "step from 1 s: its process ended (exit status 0)"), ("sleeps", "step from 1 s: no answer within 1 s")],
 )
 def test_a_case_of_an_fmu_that_harms_its_process_fails_in_a_line(act, told, tmp_path):
     bad = str(misbehaving.build(act, tmp_path))
