@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import io
 import re
 import tokenize
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -80,31 +82,45 @@ def _carries(file: Path) -> bool:
 def _imported(file: Path) -> Iterator[Path]:
     """Modules that a file imports anywhere."""
     package = file.relative_to(ROOT).parent.parts
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names = [tuple(alias.name.split(".")) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            of = package[: len(package) + 1 - node.level] if node.level else ()
-            of = (*of, *(node.module.split(".") if node.module else ()))
-            names = [(*of, alias.name) for alias in node.names]
-        else:
-            continue
-        # the name is of a module, or else of something in it; a package on the way to a module adds nothing
-        for name in (name for name in names if name[0] in _OURS):
+    for level, parts in _imports(file.read_text(encoding="utf-8")):
+        name = (*package[: len(package) + 1 - level], *parts) if level else parts
+        if name[0] in _OURS:
+            # the name is of a module, or else of something in it; a package on the way to a module adds nothing
             places = ROOT.joinpath(*name), ROOT.joinpath(*name[:-1])
             files = [each for place in places for each in (place / "__init__.py", place.with_suffix(".py"))]
             yield from [each for each in files if each.is_file()][:1]
 
 
+@cache
+def _imports(text: str) -> list[tuple[int, tuple[str, ...]]]:
+    """Names that a source imports, with how many packages up each is relative to; 0 if to none."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found += [(0, tuple(alias.name.split("."))) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            of = tuple(node.module.split(".")) if node.module else ()
+            found += [(node.level, (*of, alias.name)) for alias in node.names]
+    return found
+
+
 def _meaning(file: Path) -> str:
-    lines = file.read_text(encoding="utf-8").splitlines()
-    if file.suffix == ".py":
-        with tokenize.open(file) as source:
-            for token in tokenize.generate_tokens(source.readline):
-                if token.type == tokenize.COMMENT:
-                    lines[token.start[0] - 1] = lines[token.start[0] - 1][: token.start[1]]
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
-                first, last = node.body[0].lineno, node.body[0].end_lineno or node.body[0].lineno
-                lines[first - 1 : last] = [""] * (last - first + 1)
+    text = file.read_text(encoding="utf-8")
+    return _without_remarks(text) if file.suffix == ".py" else _without_empty_lines(text.splitlines())
+
+
+@cache
+def _without_remarks(text: str) -> str:
+    lines = text.splitlines()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            lines[token.start[0] - 1] = lines[token.start[0] - 1][: token.start[1]]
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            first, last = node.body[0].lineno, node.body[0].end_lineno or node.body[0].lineno
+            lines[first - 1 : last] = [""] * (last - first + 1)
+    return _without_empty_lines(lines)
+
+
+def _without_empty_lines(lines: Iterable[str]) -> str:
     return "\n".join(line.rstrip() for line in lines if line.strip())

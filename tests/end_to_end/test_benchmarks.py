@@ -77,6 +77,7 @@ def test_kernel_refuses_to_time_different_results(monkeypatch: pytest.MonkeyPatc
         kernel.measure(quick=True)
 
 
+@pytest.mark.slow
 def test_isolation() -> None:
     topic = isolating.measure(quick=True)
     (table,) = topic.tables
@@ -84,6 +85,7 @@ def test_isolation() -> None:
     assert str(topic).count("more a step (target 10") == 2
 
 
+@pytest.mark.slow
 def test_pacing() -> None:
     (table,) = pacing.measure(quick=True).tables
     found = rows(table)
@@ -93,6 +95,7 @@ def test_pacing() -> None:
         assert figures[3:] == [1.0, 1.0] or not name.endswith(pacing.BARE)
 
 
+@pytest.mark.slow
 def test_sweeps() -> None:
     topic = sweeping.measure(quick=True)
     ways, beside, memory = topic.tables
@@ -114,6 +117,7 @@ def test_sweeps_refuse_to_time_different_results() -> None:
         sweeping.check_agreement(same | {sweeping.COMPILED: np.ones((2, 3)) + 1e-6})
 
 
+@pytest.mark.slow
 def test_a_sweep_on_a_cluster_is_sized_by_its_slowest_share() -> None:
     found = sizing.sized(case=3.2e-3, head=2e-6, size=1250.0, part=64)
     assert {who: whole for who, (_, whole) in found.items()} == pytest.approx(
@@ -174,6 +178,7 @@ def test_import() -> None:
         assert sum(packages) <= everything * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_build() -> None:
     spent, size = building.measure(quick=True).tables
     assert next(iter(rows(spent))) == building.NOTHING
@@ -184,6 +189,7 @@ def test_build() -> None:
         assert compressed + rest < total  # what is left is the directory of the archive
 
 
+@pytest.mark.slow
 def test_a_diagnosis_is_timed_over_the_length_of_the_record():
     (table,) = diagnosing.measure(quick=True).tables
     assert [row[0] for row in table.rows] == [600, 1200]

@@ -16,6 +16,7 @@ from tests.support.clean import disturbances
 from tests.support.clean.judge import least_squares_fit, noise_scale, pooled_error
 from tests.support.clean.records import KINDS, Case, cases, draw
 from tests.support.clean.stimuli import SMOOTH, STIMULI
+from tests.support.pace import slow_but
 
 EACH = [
     *(Case("Actuator", stimulus, "Gaussian", 5, at_rest=False) for stimulus in STIMULI),
@@ -101,8 +102,15 @@ def test_the_naive_judge_finds_a_line():
     assert pooled_error({"y": y}, {"y": y + 0.1}) == pytest.approx(0.1 / noise_scale(y))
 
 
-@pytest.mark.parametrize("noise", KINDS)
-@pytest.mark.parametrize("plant", ["Cell", "Pendulum"])
+@pytest.mark.parametrize(
+    ("plant", "noise"),
+    slow_but(
+        [(plant, noise) for plant in ("Cell", "Pendulum") for noise in KINDS],
+        *(("Cell", noise) for noise in KINDS),
+        ("Pendulum", "AR"),
+        ("Pendulum", "outliers"),
+    ),
+)
 def test_clean_records_have_no_cause(plant, noise):
     stimulus = "square" if plant == "Cell" else "PRBS"
     row = clean.judge(Case(plant, stimulus, noise, 11, at_rest=False), fitted=False)

@@ -27,7 +27,17 @@ from tests.support import source
 from tests.support.rig.process import Server
 
 ROOT = source.ROOT
-HEAVY = {"diagnose", "hardware-in-the-loop", "thesis", "laws", "identify", "sweeps", "continuous-integration"}
+HEAVY = {
+    "diagnose",
+    "systems",
+    "own-record",
+    "hardware-in-the-loop",
+    "thesis",
+    "laws",
+    "identify",
+    "sweeps",
+    "continuous-integration",
+}
 PAGES = [
     pytest.param("docs/tutorial.md", marks=pytest.mark.slow),
     pytest.param("docs/reference/master.md", marks=pytest.mark.real_time(limit=5e-3)),  # as it says itself
