@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import allowed, shown
@@ -210,4 +209,6 @@ def _noise(
         raise UserError(f"{where}: noise.{name}.rms = {rms:g}: needs a real output, and 0 or more")
     fresh = np.random.default_rng(_seed(experiment, name, _NOISE)).standard_normal(count)
     fresh[1:] *= np.sqrt(1.0 - noise.correlation**2)
+    from scipy.signal import lfilter  # half a second to load, which few experiments need
+
     return rms * np.asarray(lfilter([1.0], [1.0, -noise.correlation], fresh))

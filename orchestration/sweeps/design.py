@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from fmus.kit.errors import UserError
 from orchestration.sweeps.ranges import Range
@@ -138,6 +137,8 @@ def _sampled(ranges: tuple[Range, ...], kind: str, samples: int | None, seed: in
             raise UserError(f"{samples * (len(ranges) + 2):.3g} cases; at most {MOST:,} are made")
         unit = indices.sampled(len(ranges), samples, seed)
     else:
+        from scipy.stats import qmc  # half a second to load, which a grid does without
+
         sampler = (qmc.Sobol if kind == "sobol" else qmc.LatinHypercube)(len(ranges), rng=np.random.default_rng(seed))
         unit = sampler.random(samples)
     columns = [one.between(unit[:, k]) for k, one in enumerate(ranges)]

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from orchestration.rig.emulator.physics import Physics, RigParameters, propagate
 
@@ -114,5 +113,12 @@ class EmulatedRig:
         """Add stationary AR(1) noise, then round to whole converter counts."""
         white = self._random.standard_normal(signal.size)
         white[1:] *= np.sqrt(1 - self.noise_colour**2)  # the first draw already has the stationary spread
-        noisy = signal + deviation * lfilter([1.0], [1.0, -self.noise_colour], white)
+        noisy = signal + deviation * self._coloured(white)
         return np.round(noisy / resolution) * resolution if resolution > 0 else noisy
+
+    def _coloured(self, white: Array) -> Array:
+        if not self.noise_colour:
+            return white
+        from scipy.signal import lfilter  # half a second to load
+
+        return np.asarray(lfilter([1.0], [1.0, -self.noise_colour], white))
