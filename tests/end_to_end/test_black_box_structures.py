@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks import structures
+from tests.support.pace import slow_but
 
 PAGE = Path(__file__).parents[2] / "docs" / "black-box-structures.md"
 NAMES = ("ARX", "ARMAX", "OE", "SS", "BJ")
@@ -56,7 +57,7 @@ def test_orders_and_counts_are_those_of_the_figures():
     assert all(v["OE"] >= v["BJ"] for v in fits)
 
 
-@pytest.mark.parametrize("case", [structures.CASES[0], structures.CASES[2]], ids=str)
+@pytest.mark.parametrize("case", slow_but([structures.CASES[0], structures.CASES[2]], structures.CASES[2]), ids=str)
 def test_no_free_run_is_nearer_than_the_truth_but_for_what_it_fits_of_the_noise(case):
     """The noise is all that a right model leaves, 22 µm; without a trend removed such a model is among those of OE."""
     found = structures.figures(case, 0)

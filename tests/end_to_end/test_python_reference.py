@@ -13,8 +13,10 @@ import orchestration
 from docs import make_python_reference as reference
 from orchestration.rig.emulator.records import draw, write
 from orchestration.system import Member, System
+from tests.support.pace import slow_but
 
 NAMES = ("read_record", "find_model", "simulate", "compare", "fit", "diagnose", "check", "build", "System", "run")
+HEAVY = {"laws"}  # its example takes seconds
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -119,7 +121,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", getattr(orchestration, "__all__", NAMES))
+@pytest.mark.parametrize(
+    "name", slow_but(orchestration.__all__, *(name for name in orchestration.__all__ if name not in HEAVY))
+)
 def test_an_example_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     thing = getattr(orchestration, name)
