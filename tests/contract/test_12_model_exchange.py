@@ -10,7 +10,7 @@ from ctypes import byref, c_double, c_int
 import pytest
 
 from fmus import component
-from fmus.kit import Component, Input, Output, Parameter, State, absolute, maximum, stack, where
+from fmus.kit import Component, Discrete, Input, Output, Parameter, State, absolute, maximum, sqrt, stack, where
 from tests.contract.models import BrokenRate, Sampler
 from tests.contract.raw import ERROR, Instance, Library, doubles, instance, integers, unzipped
 
@@ -45,6 +45,27 @@ class Kinks(Component):
     def size(self):
         """Magnitude of the ramp"""
         return absolute(self.ramp)
+
+
+class Clocked(Component):
+    """Laws of the time, and a sample that is no number once its input is negative."""
+
+    name = "clocked"
+
+    u = Input("1", start=4.0, doc="what is sampled")
+    x = State("s**2", rate="since", output=True, doc="half of the time squared")
+    root = Discrete("1", update="rooted", period=0.5, output=True, doc="root of the input at the latest sample")
+
+    def since(self):
+        return self.time
+
+    def rooted(self):
+        return sqrt(self.u)
+
+    @Output("s")
+    def twice(self):
+        """Twice the time"""
+        return 2.0 * self.time + 0.0 * self.x
 
 
 class _Event(ctypes.Structure):
@@ -107,6 +128,25 @@ def test_rates_are_those_of_the_law(exchanged):
     flags = c_int(7), c_int(7)
     one.do("fmi2CompletedIntegratorStep", 1, byref(flags[0]), byref(flags[1]))
     assert [flag.value for flag in flags] == [0, 0]
+
+
+def test_laws_of_the_time_follow_it_where_no_state_is_set(exchanged):
+    one = exchanged(Clocked).initialize()
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    for time in (0.25, 0.375, 0.125):
+        one.do("fmi2SetTime", time)
+        assert (one.array("GetDerivatives", 1), one.get("twice")) == ([time], [2.0 * time])
+
+
+def test_a_sample_that_is_no_number_is_refused_and_told(exchanged):
+    one = exchanged(Clocked).initialize()
+    one.event()
+    assert one.get("root") == [2.0]
+    one.set({"u": -1.0})
+    one.do("fmi2SetTime", 0.5)
+    assert one.call("fmi2NewDiscreteStates", byref(_Event())) == ERROR
+    assert one.messages[-1].startswith("'root' is not a finite number at t = 0.5"), one.messages
 
 
 def test_samples_are_time_events_at_their_instants(exchanged):
