@@ -14,7 +14,7 @@ from fmus.kit.build.toolchain import host_platform
 from orchestration.records import read_record
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from tests.support.archive import edited
-from tests.support.command import PNG, UNITS, measure, ppy, works
+from tests.support.command import PNG, UNITS, here, measure, works
 
 COMMANDS = ("list", "info", "build", "check", "simulate", "run", "compare", "diagnose", "laws", "demo", "thesis")
 
@@ -99,7 +99,7 @@ def test_build_runtime_builds_only_that(tmp_path):
 
 def test_build_runtime_pythonfmu_says_what_it_cannot_promise(tmp_path):
     pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
-    done = ppy("build", "galvanostat", "--runtime", "pythonfmu", "--platforms", "linux64", cwd=tmp_path)
+    done = here("build", "galvanostat", "--runtime", "pythonfmu", "--platforms", "linux64", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert [Path(line) for line in done.stdout.split()] == [Path("fmu/pythonfmu/galvanostat.fmu")]
     assert "noted: pythonfmu promises less: errors: whatever fails is Fatal, not Error" in done.stderr
@@ -110,7 +110,7 @@ def test_check_tells_errors_by_its_exit_code(fmu, tmp_path):
         fmu("ppy_actuator", "native"), tmp_path / "spoilt.fmu",
         lambda n, c: (n, c.replace(b"<InitialUnknowns>", b"<InitialUnknowns><Unknown index='9999'/>")),
     )  # fmt: skip
-    done = ppy("check", spoilt, fmu("ppy_actuator", "native"), cwd=tmp_path)
+    done = here("check", spoilt, fmu("ppy_actuator", "native"), cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     assert "spoilt.fmu: error (contract line 1)" in done.stdout
     assert "ppy_actuator.fmu: no errors" in done.stdout  # the second file is looked at too
@@ -201,10 +201,10 @@ def test_compare_with_an_fmu_file(record, fmu, tmp_path):
 
 def test_absent_inputs_are_told(tmp_path):
     record = measure(tmp_path / "r.csv", EmulatedRig(), names=["current", "voltage"])
-    done = ppy("compare", record, cwd=tmp_path)
+    done = here("compare", record, cwd=tmp_path)
     assert done.returncode == 0
     assert "warning: no values for the input force; it stays at 0 N" in done.stderr
-    assert "warning" not in ppy("compare", record, "--set", "force=1", cwd=tmp_path).stderr
+    assert "warning" not in here("compare", record, "--set", "force=1", cwd=tmp_path).stderr
 
 
 def test_a_terminal_without_unicode_is_served_too(tmp_path):

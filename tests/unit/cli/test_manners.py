@@ -82,12 +82,12 @@ def test_the_script_that_completes_is_shown(tmp_path):
 
 
 def test_quiet_prints_results_and_errors_only(record, tmp_path):
-    done = ppy("--quiet", "compare", record.name, "--out", "f.json", cwd=tmp_path)
+    done = here("--quiet", "compare", record.name, "--out", "f.json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert "300 samples" in done.stdout
     assert "wrote" not in done.stdout
     assert (tmp_path / "f.json").exists()
-    done = ppy("-q", "compare", "gone.csv", cwd=tmp_path)
+    done = here("-q", "compare", "gone.csv", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("error: ")
