@@ -16,14 +16,17 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fmus import component
+from fmus import COMPONENTS, component
 from fmus.kit.build import RUNTIMES
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulate import simulate_instance
-from tests.contract.subjects import SUBJECTS, actuators_only
+from tests.contract.subjects import SUBJECTS, TELLING_NAMES, actuators_only, each_front_end
 from tests.support import hosts
+from tests.support.pace import slow_but
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
+QUICK = slow_but(COMPONENTS, *(name for name in COMPONENTS if name != "foot_dynamic"))  # whose laws in Python take long
+OPTIONS = ("-std=c99 -O2", "-O0", "-O3")
 FORCED, LENGTH_DRIVEN = "ppy_actuator", "ppy_actuator_length_driven"
 SECOND_INPUT = {FORCED: "force", LENGTH_DRIVEN: "length_change"}
 OUTPUTS = {
@@ -82,30 +85,33 @@ def creep(time: np.ndarray, load: float) -> np.ndarray:
 # --- with each other ------------------------------------------------------------------------------------------------
 
 SIZES = 10.0 ** np.linspace(-3.0, 1.0, 41)  # seconds
-STEPS = 100_000
+
+
+each_count = pytest.mark.parametrize("count", slow_but([20_000, 100_000], 20_000))
 
 
 @pytest.fixture(scope="module")
-def long_runs(fmu) -> Callable[[str], tuple[np.ndarray, Signals, dict[str, Signals]]]:
-    """Steps, inputs and results of both builds over 10^5 steps of mixed sizes."""
-    done: dict[str, tuple[np.ndarray, Signals, dict[str, Signals]]] = {}
+def long_runs(fmu) -> Callable[[str, int], tuple[np.ndarray, Signals, dict[str, Signals]]]:
+    """Steps, inputs and results of both builds over a number of steps of mixed sizes."""
+    done: dict[tuple[str, int], tuple[np.ndarray, Signals, dict[str, Signals]]] = {}
 
-    def get(name: str) -> tuple[np.ndarray, Signals, dict[str, Signals]]:
-        if name not in done:
-            steps = np.random.default_rng(7).choice(SIZES, STEPS)
-            inputs = stimulus(name, STEPS + 1, seed=8)
+    def get(name: str, count: int) -> tuple[np.ndarray, Signals, dict[str, Signals]]:
+        if (name, count) not in done:
+            steps = np.random.default_rng(7).choice(SIZES, count)
+            inputs = stimulus(name, count + 1, seed=8)
             if name == LENGTH_DRIVEN:
                 inputs["length_change"] += creep(points(steps), 2.0)
             results = {runtime: run(fmu(name, runtime), points(steps), inputs) for runtime in RUNTIMES}
-            done[name] = steps, inputs, results
-        return done[name]
+            done[name, count] = steps, inputs, results
+        return done[name, count]
 
     return get
 
 
 @actuators_only
-def test_builds_agree_over_1e5_steps_of_mixed_sizes(long_runs, name):
-    _, _, results = long_runs(name)
+@each_count
+def test_builds_agree_over_many_steps_of_mixed_sizes(long_runs, name, count):
+    _, _, results = long_runs(name, count)
     assert set(results["native"]) == set(OUTPUTS[name])
     for output, expected in results["native"].items():
         assert np.ptp(expected) > 0.0, f"{output} does not move: nothing is compared"
@@ -116,8 +122,9 @@ def test_builds_agree_over_1e5_steps_of_mixed_sizes(long_runs, name):
         assert close.all(), f"{output} differs first at step {np.argmin(close)}"
 
 
-def test_length_driven_run_was_taut_and_slack(long_runs):
-    _, _, results = long_runs(LENGTH_DRIVEN)
+@each_count
+def test_length_driven_run_was_taut_and_slack(long_runs, count):
+    _, _, results = long_runs(LENGTH_DRIVEN, count)
     slack = np.mean(results["native"]["tension"] == 0.0)
     assert 0.1 < slack < 0.9
 
@@ -134,6 +141,7 @@ def test_builds_agree_away_from_the_defaults(fmu, name):
 
 
 @pytest.mark.parametrize("changed", [False, True], ids=["defaults", "changed"])
+@pytest.mark.parametrize("name", QUICK)
 def test_builds_of_every_component_agree(fmu, name, changed):
     parameters = dict(SUBJECTS[name].parameters) if changed else {}
     time, inputs = moves(name, 200, seed=7)
@@ -191,8 +199,9 @@ def exact(name: str, steps: np.ndarray, inputs: Signals) -> Signals:
     return outputs_of(name, states * scale[:3], inputs)
 
 
-def test_force_driven_follows_the_matrix_exponential(long_runs, runtime):
-    steps, inputs, results = long_runs(FORCED)
+@each_count
+def test_force_driven_follows_the_matrix_exponential(long_runs, runtime, count):
+    steps, inputs, results = long_runs(FORCED, count)
     expected = exact(FORCED, steps, inputs)
     for output in OUTPUTS[FORCED]:
         assert deviation(results[runtime][output], expected[output]) < 1e-7, output
@@ -265,6 +274,7 @@ def test_length_driven_follows_its_transfer_functions_while_taut(fmu, runtime):
 
 
 @linux
+@each_front_end
 @pytest.mark.parametrize("master", ["run_libcosim", "run_ecos"])
 def test_both_builds_run_in_real_masters(fmu, name, runtime, master):
     # a binary fraction, and a whole number of nanoseconds: every master counts its multiples alike
@@ -297,6 +307,7 @@ def python_library() -> str:
 
 
 @linux
+@pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
 def test_python_build_brings_python_into_a_host_without(fmu, name):
     time, inputs = moves(name, 81, seed=24)
     environment = {"PPY_LIBPYTHON": python_library()}
@@ -338,7 +349,14 @@ def test_python_build_left_alone_in_a_host_runs_or_refuses(fmu):
 
 
 @linux
-@pytest.mark.parametrize("options", [["-std=c99", "-O2"], ["-O0"], ["-O3"]], ids=" ".join)
+@pytest.mark.parametrize(
+    ("name", "options"),
+    slow_but(
+        [(name, options) for name in COMPONENTS for options in OPTIONS],
+        *((name, "-O0") for name in COMPONENTS),
+        *(("voice_coil_dma", options) for options in OPTIONS),
+    ),
+)
 def test_sources_compile_alone_and_give_the_same_results(fmu, name, tmp_path, options):
     folder = tmp_path / "empty"
     folder.mkdir()
@@ -348,7 +366,7 @@ def test_sources_compile_alone_and_give_the_same_results(fmu, name, tmp_path, op
                 (folder / member.removeprefix("sources/")).write_bytes(archive.read(member))
         description = ElementTree.fromstring(archive.read("modelDescription.xml"))
     files = [node.attrib["name"] for node in description.iterfind("CoSimulation/SourceFiles/File")]
-    command = [hosts.compiler(), *options, "-fPIC", "-shared", *files, "-o", "library.so", "-lm"]
+    command = [hosts.compiler(), *options.split(), "-fPIC", "-shared", *files, "-o", "library.so", "-lm"]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
     time, inputs = moves(name, 1001, seed=32)
     again = tmp_path / "again.fmu"

@@ -11,10 +11,22 @@ from dataclasses import dataclass, field
 import pytest
 
 from fmus import COMPONENTS
+from fmus.kit.build import RUNTIMES
+from tests.support.pace import slow_but
 
 ACTUATORS = ("ppy_actuator", "ppy_actuator_length_driven")
 # Tests of the front-end and of the exact solutions, which need no other component
 actuators_only = pytest.mark.parametrize("name", ACTUATORS)
+
+EACH = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
+TELLING_NAMES = ("ppy_actuator", "voice_coil_dma")
+TELLING = [(name, runtime) for name in TELLING_NAMES for runtime in RUNTIMES]
+# Claims on the laws and the description of each component: the front-end in Python is one for all of them
+each_component = pytest.mark.parametrize(
+    ("name", "runtime"), slow_but(EACH, *((name, "native") for name in COMPONENTS), *TELLING)
+)
+# Claims on the front-ends: shown by a small component, and by one with samples and all types of variables
+each_front_end = pytest.mark.parametrize(("name", "runtime"), slow_but(EACH, *TELLING))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from fmpy.validation import validate_fmu
 
 from tests.contract import structure
 from tests.contract.models import Oscillator, Sampler
+from tests.contract.subjects import each_component
 
 
 def test_fmpy_finds_no_problem(archive):
@@ -18,6 +19,7 @@ def test_fmpy_finds_no_problem_in_other_models(built, cls, runtime):
     assert validate_fmu(str(built(cls, runtime))) == []
 
 
+@each_component
 def test_dependencies_are_those_found_by_differences_through_the_fmu(archive):
     structure.dependencies_are_those_found_by_differences(archive)
 

@@ -12,8 +12,9 @@ from fmus.kit import stack
 from tests.contract import hostile
 from tests.contract.models import BrokenOutput, BrokenRate, Oscillator
 from tests.contract.raw import ERROR, OK
-from tests.contract.subjects import SUBJECTS, actuators_only
+from tests.contract.subjects import ACTUATORS, SUBJECTS, each_front_end
 from tests.support import hosts
+from tests.support.pace import slow_but
 
 # What the first message must tell, <role> standing for a variable of the subject. Every status must be Error.
 EXPECTED = {
@@ -72,6 +73,7 @@ def test_every_case_is_judged():
     assert set(REFUSED) == set(hostile.CREATING)
 
 
+@each_front_end
 @pytest.mark.parametrize("case", [c for c in EXPECTED if c != "enormous_input"])
 def test_answer_is_an_error_with_a_sentence(archive, name, case):
     statuses, messages, levels = answers(str(archive), name)[case]
@@ -83,12 +85,14 @@ def test_answer_is_an_error_with_a_sentence(archive, name, case):
     assert all("\n" not in message and len(message) < 400 for message in messages)
 
 
+@each_front_end
 def test_enormous_input_ends_in_ok_or_in_an_error_with_a_sentence(archive, name):
     statuses, messages, _ = answers(str(archive), name)["enormous_input"]
     assert statuses in ([OK], [ERROR])
     assert (statuses == [OK]) or re.search("not a? ?finite", messages[0]), messages
 
 
+@each_front_end
 @pytest.mark.parametrize("case", REFUSED)
 def test_refused_instance(archive, name, runtime, case):
     refused, messages, levels = answers(str(archive), name)[case]
@@ -102,6 +106,7 @@ def test_refused_instance(archive, name, runtime, case):
         assert levels == [ERROR]
 
 
+@each_front_end
 def test_null_instance(archive, runtime):
     returncode, statuses = hosts.in_subprocess(hostile.call_without_an_instance, str(archive))
     assert returncode == 0, statuses
@@ -109,10 +114,12 @@ def test_null_instance(archive, runtime):
     assert {name: s for name, s in statuses.items() if s != ERROR} == {}
 
 
+@each_front_end
 def test_host_without_a_logger(archive, name):
     assert hosts.in_subprocess(hostile.without_a_logger, str(archive), SUBJECTS[name].first) == (0, [ERROR, ERROR])
 
 
+@each_front_end
 def test_state_of_another_fmu(fmu, name, runtime):
     other = {"python": "native", "native": "python"}[runtime]
     returncode, answer = hosts.in_subprocess(hostile.foreign_state, str(fmu(name, runtime)), str(fmu(name, other)))
@@ -122,7 +129,7 @@ def test_state_of_another_fmu(fmu, name, runtime):
     assert "does not belong to this build" in messages[0]
 
 
-@actuators_only
+@pytest.mark.parametrize("name", slow_but(ACTUATORS, "ppy_actuator"))
 @pytest.mark.parametrize("effect", [BrokenRate, BrokenOutput])
 def test_bug_in_a_law(built, name, runtime, effect):
     cls = stack(component(name), effect)

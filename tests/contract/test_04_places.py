@@ -9,8 +9,10 @@ from urllib.parse import quote
 import pytest
 
 from tests.contract.raw import Instance, Library, unzipped
+from tests.contract.subjects import each_front_end
 
 
+@each_front_end
 @pytest.mark.parametrize("folder", ["plain", "with space", "größe äöü", "a+b#c", "100%", "%41", "quote'\"", "日本"])
 def test_folder_with_any_name(archive, tmp_path, folder):
     with unzipped(archive) as original:
@@ -35,6 +37,7 @@ def spellings(resources: Path) -> dict[str, str]:
     }
 
 
+@each_front_end
 @pytest.mark.parametrize("spelling", spellings(Path("/")))
 def test_any_spelling_of_the_resource_location(archive, spelling):
     with unzipped(archive) as folder:

@@ -5,33 +5,56 @@ from __future__ import annotations
 import itertools
 import struct
 from ctypes import byref, c_void_p
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fmus import COMPONENTS
+from fmus.kit.build import RUNTIMES
+from fmus.kit.component import Component
 from tests.contract import checks
 from tests.contract.checks import STEPS
 from tests.contract.models import Oscillator, Sampler
 from tests.contract.raw import ERROR, OK, Instance, Library, doubles, instance, integers, unzipped
 from tests.contract.schedule import continuation, go, schedule
+from tests.contract.subjects import TELLING, each_component
 from tests.support import hosts
+from tests.support.pace import slow_but
+
+KINDS = [(kind, runtime) for kind in (*COMPONENTS, Sampler, Oscillator) for runtime in RUNTIMES]
+BESIDE = [(cls, runtime) for cls in (Sampler, Oscillator) for runtime in RUNTIMES]
 
 
-@pytest.fixture(params=[*COMPONENTS, Sampler, Oscillator], ids=lambda p: p if isinstance(p, str) else p.name)
-def model(request, fmu, built, runtime):
-    """Each component, and models that have discrete states or make the integrator change its step."""
-    return fmu(request.param, runtime) if isinstance(request.param, str) else built(request.param, runtime)
+def named(value: str | type) -> str:
+    return value if isinstance(value, str) else value.name
 
 
+# Each component, and models that have discrete states or make the integrator change its step
+each_model = pytest.mark.parametrize(
+    ("kind", "runtime"), slow_but(KINDS, *((name, "native") for name in COMPONENTS), *TELLING, *BESIDE), ids=named
+)
+# The same where it is about what all states have in common
+each_kind = pytest.mark.parametrize(("kind", "runtime"), slow_but(KINDS, *TELLING, *BESIDE), ids=named)
+
+
+@pytest.fixture
+def model(kind: str | type[Component], runtime: str, fmu, built) -> Path:
+    """Path of its FMU."""
+    return fmu(kind, runtime) if isinstance(kind, str) else built(kind, runtime)
+
+
+@each_model
 def test_going_on_from_a_saved_state_gives_the_same_bits(model):
     checks.going_on_from_a_saved_state_gives_the_same_bits(model)
 
 
+@each_kind
 def test_a_state_may_be_restored_in_any_mode_and_in_another_instance(model):
     checks.a_state_may_be_restored_anywhere(model)
 
 
+@each_component
 def test_restoring_brings_the_parameters_back_too(archive, subject):
     """An instance that has already calculated with other parameters must not keep anything of them."""
     with unzipped(archive) as folder:
@@ -45,6 +68,7 @@ def test_restoring_brings_the_parameters_back_too(archive, subject):
             one.forget(state)
 
 
+@each_kind
 def test_a_snapshot_that_is_reused_holds_the_newer_state(model):
     with instance(model) as one:
         one.initialize()
@@ -59,6 +83,7 @@ def test_a_snapshot_that_is_reused_holds_the_newer_state(model):
         one.forget(state)
 
 
+@each_kind
 def test_a_state_begins_with_a_pointer_that_may_be_freed(model):
     """Which fmusim does: it takes the state for a pointer to one."""
     with instance(model) as one:
@@ -74,6 +99,7 @@ def test_a_state_begins_with_a_pointer_that_may_be_freed(model):
     assert trails[0] == trails[1] == trails[2]
 
 
+@each_model
 def test_a_state_serialized_by_a_former_version_is_refused(model):
     """States began with the word that is the second now: eight bytes less, with their size in the third word."""
     with instance(model) as one:
@@ -103,6 +129,11 @@ def resume(fmu: str, block: bytes, time: float, seed: int) -> bytes:
         return trail
 
 
+@pytest.mark.parametrize(
+    ("kind", "runtime"),
+    slow_but(KINDS, *((kind, runtime) for kind in ("ppy_actuator", Sampler) for runtime in RUNTIMES)),
+    ids=named,
+)
 def test_a_serialized_state_goes_on_in_another_process(model):
     with instance(model) as one:
         one.initialize()
@@ -115,6 +146,7 @@ def test_a_serialized_state_goes_on_in_another_process(model):
     assert hosts.in_subprocess(resume, str(model), block, time, 2) == (0, expected)
 
 
+@each_model
 def test_equal_states_are_equal_bytes(model):
     with unzipped(model) as folder:
         library, blocks = Library(folder), []
@@ -126,6 +158,7 @@ def test_equal_states_are_equal_bytes(model):
     assert blocks[0] == blocks[1]
 
 
+@each_component
 @pytest.mark.parametrize("mode", ["before", "during"])
 def test_state_saved_before_the_simulation_starts(one, subject, mode):
     one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 1, 100.0)
@@ -166,6 +199,7 @@ def test_slopes_of_inputs_are_part_of_the_state(fmu, name, subject):
     assert found[0] == found[1] != found[2]
 
 
+@each_kind
 def test_many_states_can_be_kept_and_mixed(model):
     with instance(model) as one:
         one.initialize()

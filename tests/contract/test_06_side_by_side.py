@@ -15,8 +15,9 @@ from fmus.kit.build import RUNTIMES
 from tests.contract.models import DoubledVoltage, Oscillator, Sampler
 from tests.contract.raw import Instance, Library, instance, unzipped
 from tests.contract.schedule import go, schedule
-from tests.contract.subjects import actuators_only
+from tests.contract.subjects import EACH, TELLING, actuators_only, each_front_end
 from tests.support import hosts
+from tests.support.pace import slow_but
 
 STEPS = 80
 
@@ -50,6 +51,7 @@ def together(runs: list[tuple[str, int, dict[str, float]]]) -> tuple[list[bytes]
     return trails, sorted(set(sys.modules) - modules), [p for p in sys.path if p not in paths]
 
 
+@each_front_end
 def test_two_instances_run_as_each_alone(archive, subject):
     runs = [(str(archive), 1, {}), (str(archive), 2, dict(subject.parameters))]
     returncode, answer = hosts.in_subprocess(together, runs)
@@ -88,6 +90,7 @@ def test_fmus_with_modules_of_one_name_keep_their_own_laws(fmu, built, name, run
     assert voltages[1] == 2.0 * voltages[0]
 
 
+@each_front_end
 def test_instances_in_threads_run_as_each_alone(archive):
     with unzipped(archive) as folder:
         library = Library(folder)
@@ -109,7 +112,7 @@ def test_instances_in_threads_run_as_each_alone(archive):
     assert found == expected
 
 
-@pytest.mark.parametrize("first", RUNTIMES)
+@pytest.mark.parametrize(("name", "first"), slow_but(EACH, *TELLING))
 def test_an_instance_outlives_others(fmu, name, subject, first):
     second = {"python": "native", "native": "python"}[first]
     with instance(fmu(name, first)) as one:

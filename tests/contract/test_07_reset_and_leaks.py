@@ -13,8 +13,9 @@ from tests.contract.checks import STEPS
 from tests.contract.models import BrokenOutput, Oscillator, Sampler
 from tests.contract.raw import ERROR, Instance, instance
 from tests.contract.schedule import go, schedule
-from tests.contract.subjects import ACTUATORS, Subject, actuators_only
+from tests.contract.subjects import ACTUATORS, Subject, each_front_end
 from tests.support import hosts
+from tests.support.pace import slow_but
 
 CYCLES = 500  # of the smallest block lost in each, half would be noticed
 MEGABYTE = 2**20
@@ -32,6 +33,7 @@ def _refused(one: Instance, subject: Subject) -> None:
     assert one.call("fmi2ExitInitializationMode") == ERROR
 
 
+@each_front_end
 @pytest.mark.parametrize("spoil", [_initializing, _refused, checks.stepping, checks.terminated])
 def test_reset_then_run_is_a_fresh_run(archive, subject, spoil):
     checks.reset_then_run_is_a_fresh_run(archive, subject, spoil)
@@ -56,6 +58,7 @@ def test_reset_of_other_models(built, cls, runtime):
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="memory is counted on Linux")
 
 
+@each_front_end
 @linux_only
 def test_creating_and_freeing_leaks_nothing(archive):
     returncode, grown = hosts.in_subprocess(leaks.grow_by_creating, str(archive), CYCLES)
@@ -63,6 +66,7 @@ def test_creating_and_freeing_leaks_nothing(archive):
     assert grown < 0.5 * CYCLES * leaks.LEAST, f"{grown / CYCLES:.0f} bytes per instance"
 
 
+@each_front_end
 @linux_only
 def test_steps_leak_nothing(archive, subject):
     returncode, answer = hosts.in_subprocess(leaks.grow_by_stepping, str(archive), subject, 1_000)
@@ -83,7 +87,7 @@ def test_a_million_steps_make_no_process_grow(archive, name, subject, runtime):
 
 
 @linux_only
-@actuators_only
+@pytest.mark.parametrize("name", slow_but(ACTUATORS, "ppy_actuator"))
 def test_states_and_errors_leak_nothing(archive, built, name, runtime):
     broken = built(stack(component(name), BrokenOutput), runtime)
     returncode, grown = hosts.in_subprocess(leaks.grow_by_everything_else, str(archive), str(broken), CYCLES)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.contract import oracle
 from tests.contract.models import Oscillator, Sampler
 from tests.contract.raw import instance
-from tests.contract.subjects import actuators_only
+from tests.contract.subjects import actuators_only, each_component
 
 # From a hundredth of what a controller would use to longer than any time constant but the slowest.
 SIZES = st.floats(-4.0, 1.5).map(lambda power: 10.0**power)
@@ -68,6 +68,7 @@ def test_start_time_changes_nothing(one, name, load):
     assert one.get(*oracle.OUTPUTS[name]) == pytest.approx(expected, rel=1e-12), "but for the rounding of times"
 
 
+@each_component
 @pytest.mark.parametrize("sizes", [[0.05] * 20, [0.3, 0.001, 0.199, 0.5], [1e-4, 0.9999]], ids=len)
 def test_dividing_a_step_changes_nothing_but_rounding(archive, subject, sizes):
     """With the inputs held, one step of a second and any that add up to it end in the same values."""
@@ -102,19 +103,33 @@ def test_tighter_tolerance_brings_the_result_closer(built, runtime):
     assert errors[0] > 5.0 * errors[1] > 25.0 * errors[2]
 
 
+@pytest.fixture
+def oscillating(built, runtime):
+    """An oscillator that any example may reset."""
+    with instance(built(Oscillator, runtime)) as created:
+        yield created
+
+
+@pytest.fixture
+def sampling(built, runtime):
+    """A sampler that any example may reset."""
+    with instance(built(Sampler, runtime)) as created:
+        yield created
+
+
 @relaxed
 @given(moves=st.lists(st.tuples(SIZES, st.floats(0.1, 100.0)), min_size=1, max_size=15))
-def test_a_fast_oscillation_under_changing_steps(built, runtime, moves):
+def test_a_fast_oscillation_under_changing_steps(oscillating, moves):
     """Closed form: turning by the product of speed and time; what counts is the number of radians."""
-    angle = 0.0
-    with instance(built(Oscillator, runtime)) as one:
-        one.initialize()
-        for size, speed in moves:
-            speed = min(speed, 100.0 / size)
-            one.set({"speed": speed})
-            one.step(size)
-            angle += speed * size
-        found = one.get("position", "velocity")
+    angle, one = 0.0, oscillating
+    one.do("fmi2Reset")
+    one.initialize()
+    for size, speed in moves:
+        speed = min(speed, 100.0 / size)
+        one.set({"speed": speed})
+        one.step(size)
+        angle += speed * size
+    found = one.get("position", "velocity")
     assert found == pytest.approx([math.cos(angle), -math.sin(angle)], abs=1e-8 * (1.0 + 10.0 * angle))
 
 
@@ -136,32 +151,33 @@ def lag(x: float, u: float, rate: float, time: float) -> float:
     period=st.sampled_from([0.1, 0.25, 1.0 / 30.0, 0.7, math.pi / 10]),
     start=st.sampled_from([0.0, 5.0, -2.0]),
 )
-def test_samples_fall_on_their_instants_whatever_the_steps(built, runtime, moves, period, start):
-    with instance(built(Sampler, runtime)) as one:
-        one.initialize({"period": period, "step": 2}, start=start)
-        x, sampled, total, elapsed = 0.25, 0.0, 0.0, 0.0
-        fast = slow = 0
-        for size, u in moves:
-            one.set({"u": u})
-            one.step(size)
-            end = one.time - start
-            # the closed form, walked from instant to instant
-            while True:
-                due = min(fast * 0.025, slow * period)
-                if due >= end - 1e-9 * period:
-                    break
-                due = max(due, elapsed)
-                x, elapsed = lag(x, u, 3.0, due - elapsed), due
-                if slow * period <= due + 1e-9 * period:
-                    sampled, slow = x, slow + 1
-                if fast * 0.025 <= due + 1e-9 * 0.025:
-                    total, fast = total + (x - 0.1 * total), fast + 1
-            x, elapsed = lag(x, u, 3.0, end - elapsed), end
-            instant, count, found_x, last, found_total = one.get("instant", "count", "x", "last", "total")
-            assert count == 2 * slow == 2 * taken(end, period)
-            assert instant == pytest.approx(start + (slow - 1) * period, abs=1e-12 * (1.0 + abs(one.time)))
-            assert [found_x, last, found_total] == pytest.approx([x, sampled, total], abs=1e-7)
-        assert one.get("difference")[0] == pytest.approx(x - sampled, abs=1e-7)
+def test_samples_fall_on_their_instants_whatever_the_steps(sampling, moves, period, start):
+    one = sampling
+    one.do("fmi2Reset")
+    one.initialize({"period": period, "step": 2}, start=start)
+    x, sampled, total, elapsed = 0.25, 0.0, 0.0, 0.0
+    fast = slow = 0
+    for size, u in moves:
+        one.set({"u": u})
+        one.step(size)
+        end = one.time - start
+        # the closed form, walked from instant to instant
+        while True:
+            due = min(fast * 0.025, slow * period)
+            if due >= end - 1e-9 * period:
+                break
+            due = max(due, elapsed)
+            x, elapsed = lag(x, u, 3.0, due - elapsed), due
+            if slow * period <= due + 1e-9 * period:
+                sampled, slow = x, slow + 1
+            if fast * 0.025 <= due + 1e-9 * 0.025:
+                total, fast = total + (x - 0.1 * total), fast + 1
+        x, elapsed = lag(x, u, 3.0, end - elapsed), end
+        instant, count, found_x, last, found_total = one.get("instant", "count", "x", "last", "total")
+        assert count == 2 * slow == 2 * taken(end, period)
+        assert instant == pytest.approx(start + (slow - 1) * period, abs=1e-12 * (1.0 + abs(one.time)))
+        assert [found_x, last, found_total] == pytest.approx([x, sampled, total], abs=1e-7)
+    assert one.get("difference")[0] == pytest.approx(x - sampled, abs=1e-7)
 
 
 @pytest.mark.parametrize("size", [0.1, 0.05, 0.3, 0.07, 2.0, 1.0 / 3.0])

@@ -17,7 +17,7 @@ import pytest
 
 from fmus import component
 from fmus.kit.build.toolchain import host_platform
-from tests.contract.subjects import actuators_only
+from tests.contract.subjects import actuators_only, each_component
 from tests.support import hosts
 
 REFERENCES = "extra/org.fmi-standard.fmi-ls-ref"
@@ -182,6 +182,7 @@ def test_layered_standard_files(files, folder, name):
         assert files[f"{REFERENCES}/{source}"] == (folder / "reference" / source).read_bytes()
 
 
+@each_component
 def test_fmu_reproduces_the_reference_result(archive, files, name):
     wanted, expected = rows(files[f"{REFERENCES}/{name}_ref.csv"].decode())
     fed, stimuli = rows(files[f"{REFERENCES}/{name}_in.csv"].decode())

@@ -30,7 +30,7 @@ from tests.contract import checks, structure
 from tests.contract.models import BrokenRate, Oscillator, Sampler
 from tests.contract.raw import FATAL, Instance, Library, resident, unzipped
 from tests.contract.schedule import go, schedule
-from tests.contract.subjects import SUBJECTS
+from tests.contract.subjects import SUBJECTS, TELLING_NAMES
 from tests.support import hosts, source
 from tests.support.pace import slow_but
 
@@ -39,8 +39,7 @@ pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
 
 ALL = [*COMPONENTS, "Sampler", "Oscillator"]
 OTHERS = {"Sampler": Sampler, "Oscillator": Oscillator}
-QUICK = [name for name in COMPONENTS if name != "foot_dynamic"]  # which costs as much as all others in Python
-each = pytest.mark.parametrize("name", slow_but(ALL, *QUICK, *OTHERS))
+each = pytest.mark.parametrize("name", slow_but(ALL, *TELLING_NAMES, "Sampler"))
 finish = functools.partial(hosts.finish_in_subprocess, clean_exit=False)
 
 
@@ -86,7 +85,7 @@ def close(found, wanted, outputs):
 
 
 @pytest.mark.parametrize("changed", [False, True], ids=["defaults", "changed"])
-@pytest.mark.parametrize("name", slow_but(COMPONENTS, *QUICK))
+@pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
 def test_the_numbers_are_those_of_the_native_build_in_fmpy(stock, fmu, name, changed):
     """Also with other parameters, more accuracy than the component's own, and outputs read before inputs are set."""
     times, inputs, outputs = stimulus(name)
@@ -100,7 +99,7 @@ def run_with(archive: str, given: dict) -> dict:
     return hosts.run_fmpy(archive, **given)
 
 
-@pytest.mark.parametrize("name", slow_but(COMPONENTS, *QUICK))
+@pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
 def test_the_numbers_are_those_of_the_native_build_in_libcosim(stock, fmu, name):
     times, inputs, outputs = stimulus(name)
     real = {n: v for n, v in inputs.items() if {i.name: i.type for i in component(name).layout.inputs}[n] == "real"}
@@ -130,10 +129,14 @@ def test_every_unknown_is_listed_with_its_true_dependencies(stock, name):
     works(structure.dependencies_are_those_found_by_differences, stock(name))
 
 
+def states(archive: Path) -> None:
+    checks.going_on_from_a_saved_state_gives_the_same_bits(archive)
+    checks.a_state_may_be_restored_anywhere(archive)
+
+
 @each
 def test_the_state_is_the_whole_state(stock, name):
-    works(checks.going_on_from_a_saved_state_gives_the_same_bits, stock(name))
-    works(checks.a_state_may_be_restored_anywhere, stock(name))
+    works(states, stock(name))
 
 
 def serialised(archive: Path) -> bool:

@@ -97,7 +97,7 @@ def last_value(fmu: Path, reference: int) -> float:
 # --- threads --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("names", [(ACTUATOR,), (ACTUATOR, FOOT)], ids="+".join)
+@pytest.mark.parametrize("names", [pytest.param((ACTUATOR,), marks=pytest.mark.slow), (ACTUATOR, FOOT)], ids="+".join)
 def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, unzipped, names):
     # Eight threads stand at a barrier before they create their instances; in one trial out of twelve at most a start
     # without a lock went well.

@@ -9,7 +9,7 @@ import pytest
 
 from fmus import component
 from fmus.kit import stack
-from fmus.kit.build import build
+from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from orchestration.rig.backends.emulator import Emulator
 from tests.support import hosts
@@ -42,8 +42,15 @@ def stepped(signals: str, inputs: dict[str, np.ndarray], outputs: list[str]) -> 
     return table
 
 
-@pytest.mark.parametrize("master", MASTERS)
-@pytest.mark.parametrize("name", slow_but(CASES, "rig_proxy"))
+@pytest.mark.parametrize(
+    ("name", "runtime", "master"),
+    slow_but(
+        [(name, runtime, master) for name in CASES for runtime in RUNTIMES for master in MASTERS],
+        ("rig_proxy", "native", "run_libcosim"),
+        ("rig_proxy", "python", "run_ecos"),
+        ("rig_proxy", "native", "run_fmpy"),
+    ),
+)
 def test_outputs_are_those_of_the_emulated_rig_stepped_here(tmp_path, name, runtime, master):
     signals, inputs = CASES[name]
     options = {"signals": signals, "hidden": "double_layer", "seed": 5, "noise": "off"}

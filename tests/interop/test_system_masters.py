@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from fmus import component
+from fmus.kit.build import RUNTIMES
 from orchestration.system import Connection, Member, Port, System, library, ssp
 from tests.support.hosts import NANOSECONDS, HostError, build_one_state_fmu, finish_in_subprocess
+from tests.support.pace import slow_but
 from tests.support.system.archive import BINDINGS, INLINE, NAMESPACES, repacked
 from tests.support.system.hosts import member_of_archive, run_ecos_ssp, run_fmpy_ssp, run_libcosim_ssp, run_own_ssp
 
@@ -25,10 +27,10 @@ RUNS = {
         ["bench.position", "bench.force_measured", "actuator.charge"], ["actuator.tension"],
     ),
     "degradation_watch": (
-        {"galvanostat.current_command": 1.0, "actuator.force": 0.1}, 1000,
+        {"galvanostat.current_command": 1.0, "actuator.force": 0.1}, 300,
         ["galvanostat.current", "actuator.charge", "estimator.R1", "estimator.voltage_limit"], ["actuator.voltage"],
     ),
-    "foot_gait": ({"po.current": 1.0, "do.current": -0.5}, 500, ["foot.ankle_angle", "foot.toe_x"], ["po.tension"]),
+    "foot_gait": ({"po.current": 1.0, "do.current": -0.5}, 250, ["foot.ankle_angle", "foot.toe_x"], ["po.tension"]),
 }  # fmt: skip
 CONSTANT = ("estimator.voltage_limit", "galvanostat.current")  # within the time of the run
 
@@ -77,6 +79,7 @@ def _same_a_step_later(tables):
         close(tables["Ecos"][signal], tables["libcosim"][signal])
 
 
+@pytest.mark.parametrize("runtime", slow_but(RUNTIMES, "native"))
 def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
     """Where outputs are read before inputs are set, what is measured is a step old; Ecos reads it after."""
     held = {"charge_start": 2.0, "current": 0.0, "force": 0.0}

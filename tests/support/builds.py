@@ -23,10 +23,11 @@ def check_that_builds_agree(
     folder: Path,
     sizes: tuple[float, ...] = (0.001, 0.01, 0.1),
     still: tuple[str, ...] = (),
+    steps: int = 60,
 ) -> None:
     """To 1e-9 over steps of any size, of each output's own size; inputs are drawn from ranges, some outputs rest."""
     rng = np.random.default_rng(7)
-    time = np.concatenate([[0.0], np.cumsum(rng.choice(sizes, 60))])
+    time = np.concatenate([[0.0], np.cumsum(rng.choice(sizes, steps))])
     inputs = {name: rng.uniform(*ends, time.size) for name, ends in ranges.items()}
     results = {}
     for runtime in RUNTIMES:

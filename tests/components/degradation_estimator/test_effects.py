@@ -1,6 +1,7 @@
 """Effects of the estimator: the base model to the bit at neutral, and the base model on what they sample elsewhere."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -34,9 +35,13 @@ def across(current, r1=R1, r2=R2, c=C, leads=0.0):
     return lfilter([gain, (1.0 - pole) * r2 - gain], [1.0, -pole], current) + leads * current
 
 
+laid = cache(lambda *names: stack(DegradationEstimator, *(EFFECTS[name] for name in names)))
+compiled = cache(CompiledModel)
+
+
 def estimated(cls, voltage, **parameters):
     """Signals after each sample."""
-    return CompiledModel(cls).run(TIME, {"current": CURRENT, "voltage": voltage}, parameters).signals
+    return compiled(cls).run(TIME, {"current": CURRENT, "voltage": voltage}, parameters).signals
 
 
 def random_values(cls, seed):
@@ -78,9 +83,7 @@ def test_neutral_is_bit_identical(seed, chosen):
 
 def test_neutral_runs_are_the_base_run():
     voltage = across(CURRENT)
-    base, all_of_them = (
-        estimated(cls, voltage) for cls in (DegradationEstimator, stack(DegradationEstimator, *EFFECTS.values()))
-    )
+    base, all_of_them = (estimated(cls, voltage) for cls in (DegradationEstimator, laid(*EFFECTS)))
     for name, values in base.items():
         np.testing.assert_array_equal(all_of_them[name], values)
 
@@ -95,7 +98,7 @@ SAMPLED = {
 @effects
 def test_an_effect_is_the_base_model_on_what_it_samples(name):
     voltage = across(CURRENT) + 1e-3 * np.random.default_rng(1).standard_normal(TIME.size)
-    found = estimated(stack(DegradationEstimator, EFFECTS[name]), voltage, **ACTIVE[name])
+    found = estimated(laid(name), voltage, **ACTIVE[name])
     expected, plain = estimated(DegradationEstimator, SAMPLED[name](voltage)), estimated(DegradationEstimator, voltage)
     for output in ("R1", "R2", "C", "impedance", "impedance_change", "voltage_limit"):
         assert found[output] == pytest.approx(expected[output], rel=1e-9, abs=1e-9)
@@ -106,20 +109,20 @@ def test_the_circuit_behind_leads_and_a_wrong_scale():
     """R2 is larger by the leads, and the estimate that of the circuit with them; a scale is that of impedances."""
     voltage = across(CURRENT)
     truth = estimated(DegradationEstimator, across(CURRENT, leads=0.08))
-    leads = estimated(stack(DegradationEstimator, EFFECTS["lead_resistance"]), voltage, **ACTIVE["lead_resistance"])
+    leads = estimated(laid("lead_resistance"), voltage, **ACTIVE["lead_resistance"])
     assert leads["R2"][-1] == pytest.approx(R2 + 0.08, rel=1e-4)
     for name in ("R1", "R2", "C"):
         assert leads[name][-1] == pytest.approx(truth[name][-1], rel=1e-9)
     at_once = R1 * R2 / (R1 + R2) + 0.08
     assert leads["R1"][-1] == pytest.approx(at_once * (R2 + 0.08) / (R2 + 0.08 - at_once), rel=1e-4)
-    gain = estimated(stack(DegradationEstimator, EFFECTS["voltage_gain"]), voltage, **ACTIVE["voltage_gain"])
+    gain = estimated(laid("voltage_gain"), voltage, **ACTIVE["voltage_gain"])
     found = [gain[name][-1] for name in ("R1", "R2", "C")]
     assert found == pytest.approx([1.03 * R1, 1.03 * R2, C / 1.03], rel=1e-4)
 
 
 def test_a_sample_that_is_late_by_a_period_is_the_one_before():
     voltage = across(CURRENT)
-    late = estimated(stack(DegradationEstimator, EFFECTS["sampling_skew"]), voltage, voltage_skew=1.0)
+    late = estimated(laid("sampling_skew"), voltage, voltage_skew=1.0)
     expected = estimated(DegradationEstimator, np.append(0.0, voltage[:-1]))
     for name in ("b0", "b1", "a"):
         np.testing.assert_array_equal(late[name], expected[name])
@@ -129,7 +132,7 @@ def test_a_sample_that_is_late_by_a_period_is_the_one_before():
 @effects
 def test_the_slope_at_neutral_is_exact_and_not_zero(name):
     """A score test starts there: sensitivities of the compiled record beside central differences."""
-    cls, voltage = stack(DegradationEstimator, EFFECTS[name]), across(CURRENT)
+    cls, voltage = laid(name), across(CURRENT)
     neutral = EFFECTS[name].neutral
     exact = CompiledModel(cls, [neutral]).run(TIME, {"current": CURRENT, "voltage": voltage}).sensitivities["R2"][-1, 0]
     lowest = EFFECTS[name].declared[neutral].min
@@ -157,4 +160,4 @@ def test_builds_agree_on_all_effects(tmp_path):
     ],
 )
 def test_bad_values_are_refused(tmp_path, name, bad, allowed):
-    check_that_bad_values_are_refused(stack(DegradationEstimator, EFFECTS[name]), bad, allowed, tmp_path)
+    check_that_bad_values_are_refused(laid(name), bad, allowed, tmp_path)

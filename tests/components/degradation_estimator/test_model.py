@@ -16,6 +16,7 @@ from fmus.kit.record.compiled import CompiledModel
 from orchestration.experiment.waveforms import square_wave
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from orchestration.rig.emulator.hidden_electrical import GrowingResistance
+from tests.support.pace import slow_but
 
 R1, R2, C, PERIOD = 0.43, 2.35, 2.70, 0.1  # ohm, ohm, F, s: typed in from table 3-1
 OMEGA = 0.628  # rad/s
@@ -160,7 +161,7 @@ def test_preset_is_the_m_file_of_appendix_a3(estimate):
     assert np.abs(table - np.array(expected)).max() < 1e-9
 
 
-@pytest.mark.parametrize("millivolts", [5, 20])
+@pytest.mark.parametrize("millivolts", slow_but([5, 20], 20))
 def test_noise_biases_least_squares_and_not_the_instrumental_variable(estimate, millivolts):
     """Errata 9, 0.9 A at 0.2 Hz, true R2 2.35 ohm; the figures are those of the README's table."""
     current = square(600.0)

@@ -250,7 +250,7 @@ def test_builds_agree_on_all_effects(base, tmp_path):
     names = fmus.effects(base.name)
     cls = stack(base, *names.values(), name="everything")
     ranges = LOADS | (POSTURE if base is Foot else {})
-    check_that_builds_agree(cls, active(names), ranges, tmp_path, (5e-4, 2e-3))
+    check_that_builds_agree(cls, active(names), ranges, tmp_path, (5e-4, 2e-3), steps=20)
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ def test_the_voltage_reaches_the_current_through_samples_only(archive):
 )
 def test_builds_agree(fmu, parameters):
     rng = np.random.default_rng(7)
-    time = np.concatenate([[0.0], np.cumsum(rng.choice([0.001, 0.01, 0.0123, 0.1, 0.5], 1500))])
+    time = np.concatenate([[0.0], np.cumsum(rng.choice([0.001, 0.01, 0.0123, 0.1, 0.5], 600))])
     n = len(time)
     inputs = {
         "current_command": rng.normal(size=n), "voltage": rng.normal(size=n) * np.where(time > 50.0, 15.0, 1.0),

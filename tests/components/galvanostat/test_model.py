@@ -150,7 +150,7 @@ def test_voltage_of_an_actuator_is_kept_at_its_limit():
 
     The circuit is integrated by scipy from sample to sample, nothing of the actuator component is used.
     """
-    period, stop, limit = 0.01, 40.0, 0.8
+    period, stop, limit = 0.01, 20.0, 0.8
 
     def command(t):
         return 1.6 if (t + 1e-9) % 10.0 < 5.0 else -1.6
@@ -406,11 +406,11 @@ def test_parameters_refuse_what_cannot_be_computed():
 def test_compiled_laws_are_those_of_the_class():
     """The closed loop of fig. 4-4 prescribed as a record; python and C give the same."""
     rng = np.random.default_rng(3)
-    time = np.cumsum(rng.uniform(0.001, 0.05, 400))
+    time = np.cumsum(rng.uniform(0.001, 0.05, 200))
     time -= time[0]
     inputs = {
-        "current_command": rng.normal(size=400) * 1.5, "voltage": rng.normal(size=400),
-        "voltage_limit": np.full(400, 2.0), "voltage_command": rng.normal(size=400),
+        "current_command": rng.normal(size=200) * 1.5, "voltage": rng.normal(size=200),
+        "voltage_limit": np.full(200, 2.0), "voltage_command": rng.normal(size=200),
     }  # fmt: skip
     for parameters in ({}, {"potentiostat": 1.0}, {"response_time": 1e-3, "control_tolerance": 1e-3}):
         compiled = CompiledModel(Galvanostat).run(time, inputs, parameters).signals

@@ -23,6 +23,7 @@ from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from tests.support.effect_samples import ACTIVE, NEUTRAL, active, bases, effects, named, random_values
+from tests.support.pace import slow_but
 
 # What an active effect changes at an instant, beside its own state.
 ELECTRICAL = {"voltage", "der(charge)"}
@@ -289,8 +290,15 @@ def models():
     return get
 
 
-@bases
-@effects
+@pytest.mark.parametrize(
+    ("base", "name"),
+    slow_but(
+        [(base, name) for base in CHANGED for name in EFFECTS],
+        *((PpyActuator, name) for name in EFFECTS),
+        *((PpyActuatorLengthDriven, name) for name in CHANGED[PpyActuatorLengthDriven] if name not in STRAINS),
+    ),
+    ids=lambda value: getattr(value, "name", value),
+)
 def test_sensitivity_at_neutral_is_that_of_differences_and_not_zero(base, name, models):
     """Where identification begins: a slope of zero there would hide the effect from it."""
     (found, model), declared = models(base), EFFECTS[name].declared[NEUTRAL[name]]

@@ -15,7 +15,8 @@ def ranges(base):
 
 @bases
 def test_builds_agree_on_all_effects(base, tmp_path):
-    check_that_builds_agree(stack(base, *EFFECTS.values(), name="everything"), active(EFFECTS), ranges(base), tmp_path)
+    cls = stack(base, *EFFECTS.values(), name="everything")
+    check_that_builds_agree(cls, active(EFFECTS), ranges(base), tmp_path, steps=20)
 
 
 @pytest.mark.slow

@@ -152,7 +152,7 @@ def test_all_effects_together_run_as_scipy_integrates_them(base):
     model = cls(**values)
     integrator, expected, size = Integrator(model), np.zeros(len(states)), np.zeros(len(states))
     nominal = np.array([s.nominal for s in cls.layout.states])
-    for k in range(12):
+    for k in range(8):
         inputs = {"current": 0.9 if k % 6 < 3 else -0.7}
         pulled = k % 8 < 5
         inputs |= {"force": 2.0 * pulled} if base is PpyActuator else {"length_change": 8e-4 * pulled}

@@ -164,7 +164,7 @@ def exact(friction=lambda v: B * v, constant=lambda x: K, drive=lambda u: u, sto
                 force = k * i - friction(v) - stop(x) - 1.1 * volts
                 return [(drive(volts) - (R + heat * s) * i - k * v) / L, v, force / M, (i * i - s) / warm]
 
-            state = solve_ivp(rates, (0, 1 / 30), state, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
+            state = solve_ivp(rates, (0, 1 / 30), state, method="LSODA", rtol=1e-10, atol=1e-13).y[:, -1]
             rows.append(state[:3])
     return np.array(rows)
 

@@ -85,7 +85,7 @@ def scipy_loop(
                 CORNER * (x - position), K2 * (x - dashpot) / B2 if actuator else 0.0,
             ]  # fmt: skip
 
-        state = solve_ivp(rates, (at, until), state, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
+        state = solve_ivp(rates, (at, until), state, method="LSODA", rtol=1e-10, atol=1e-13).y[:, -1]
     return np.array(rows)
 
 

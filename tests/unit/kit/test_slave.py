@@ -16,6 +16,7 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.slave import Slave
 from fmus.ppy_actuator.effects import EFFECTS
 from tests.support.kit_samples import Mixed, Thermostat
+from tests.support.pace import slow_but
 
 
 def slave(cls, start_time=0.0, **values):
@@ -166,7 +167,7 @@ def test_memory_is_released_on_close():
     memory.append(0.0)  # refused by Python while someone looks at it
 
 
-@pytest.mark.parametrize("name", ["ppy_actuator", "ppy_actuator_length_driven"])
+@pytest.mark.parametrize("name", slow_but(["ppy_actuator", "ppy_actuator_length_driven"], "ppy_actuator"))
 def test_what_a_python_fmu_carries_runs_without_any_package(name, tmp_path):
     cls = stack(fmus.component(name), *EFFECTS.values())
     for path, contents in python_package(cls).items():

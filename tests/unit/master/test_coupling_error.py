@@ -13,6 +13,7 @@ from orchestration.master import run
 from orchestration.master.reference.coupling_error import coupling_error, imbalance, mechanical
 from orchestration.system import library
 from orchestration.system.model import Connection, Member, Port, System, connect
+from tests.support.pace import slow_but
 
 
 class Follower(Component):
@@ -99,8 +100,15 @@ def test_gauss_seidel_has_the_smaller_error_where_both_members_move_and_extrapol
         assert (linear.errors[name] < 0.1 * jacobi.errors[name]).all(), name
 
 
-@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel"])
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize(
+    ("name", "method"),
+    slow_but(
+        [(name, method) for name in SMOOTH for method in ("jacobi", "gauss-seidel")],
+        ("dma_bench", "jacobi"),
+        ("dma_bench", "gauss-seidel"),
+        ("foot_gait", "jacobi"),
+    ),
+)
 def test_systems_that_ship_converge_with_first_order_and_extrapolated_with_second(name, method):
     signal = SMOOTH[name][-1]
     held, linear = (measured(name, quick=True, method=method, extrapolation=e) for e in (0, 1))
@@ -109,7 +117,7 @@ def test_systems_that_ship_converge_with_first_order_and_extrapolated_with_secon
     assert linear.errors[signal][-1] < 0.1 * held.errors[signal][-1] < 0.01
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("name", slow_but(SMOOTH, "dma_bench"))
 def test_gauss_seidel_has_the_better_constant_where_outputs_are_taken_as_they_stand_after_a_step(name):
     signal = SMOOTH[name][-1]
     jacobi, seidel = (measured(name, quick=True, method=m, feedthrough=False) for m in ("jacobi", "gauss-seidel"))

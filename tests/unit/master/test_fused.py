@@ -58,7 +58,7 @@ def bench(times, reference, current):
             rows.append([y[1], R1 * charging + y[5] / C, tension(y), y[3], y[5]])
         if at < events[-1]:
             y = solve_ivp(
-                slope, (at, until), y, "Radau", args=(volts, current[row]), rtol=1e-9, atol=1e-12, max_step=5e-3
+                slope, (at, until), y, "LSODA", args=(volts, current[row]), rtol=1e-10, atol=1e-13, max_step=5e-3
             ).y[:, -1]
     return np.array(rows).T
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import zipfile
 
 import pytest
@@ -15,10 +16,18 @@ from tests.support.system.samples import tiny_fmu
 EARLIER = "the result of earlier work\n"
 
 
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """The file of a good system."""
+    path = tmp_path_factory.mktemp("bench") / "bench.ssp"
+    ssp.write(library.system("dma_bench"), path)
+    return path
+
+
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, bench):
     """A folder with a good system, a bench as a file, and earlier results."""
-    ssp.write(library.system("dma_bench"), tmp_path / "bench.ssp")
+    shutil.copy(bench, tmp_path)
     for name in ("out.ssp", "out.png"):
         (tmp_path / name).write_text(EARLIER, encoding="utf-8")
     return tmp_path

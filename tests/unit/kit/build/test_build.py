@@ -9,6 +9,7 @@ from fmus.kit import UserError, build, stack
 from fmus.kit.build import archive, toolchain
 from fmus.kit.build.library_cache import library
 from fmus.ppy_actuator.effects import EFFECTS
+from tests.support.pace import slow_but
 
 
 def test_archive_bytes_depend_on_contents_only():
@@ -25,7 +26,7 @@ def test_archive_bytes_depend_on_contents_only():
     assert modes["a.txt"] == 0o100644
 
 
-@pytest.mark.parametrize("runtime", build.RUNTIMES)
+@pytest.mark.parametrize("runtime", slow_but(build.RUNTIMES, "native"))
 def test_builds_are_reproducible(runtime, tmp_path, monkeypatch):
     try:
         toolchain.find_compiler(toolchain.host_platform())

@@ -169,7 +169,7 @@ def test_processes_that_make_and_remove_at_once_do_not_disturb_each_other(place)
     program = """
 import sys, time
 from fmus.kit.storage import scratch
-until = time.monotonic() + 3.0
+until = time.monotonic() + 1.0
 while time.monotonic() < until:
     scratch._sweep.cache_clear()
     with scratch.folder("fmu") as folder:

@@ -9,12 +9,12 @@ import fmus
 from fmus.kit import UserError
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.trace import trace
-from tests.support.kit_models import GUID, every_model
+from tests.support.kit_models import GUID, telling_models
 from tests.support.kit_samples import Thermostat
 from tests.support.small_disk import disk_of_64_kib
 
 
-@every_model
+@telling_models
 def test_generated_sources_are_deterministic(cls):
     first, second = (codegen.native_sources(trace(cls), GUID) for _ in range(2))
     assert first == second

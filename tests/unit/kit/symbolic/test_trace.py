@@ -1,3 +1,5 @@
+from functools import cache
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -13,9 +15,26 @@ from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warm
 from tests.support.pace import slow_but
 
 CLASSES = [Curved, Divider, Thermostat, stack(Thermostat, Warmer, Doubled), *map(fmus.component, fmus.COMPONENTS)]
-GRAPHS = {cls: trace(cls) for cls in CLASSES}
+graph_of = cache(trace)
 classes = pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.name)
+
+
+@cache
+def functions_of(cls):
+    return graph_of(cls).functions()
+
+
+@cache
+def jacobians_of(cls):
+    """Of rates and outputs, by everything but time."""
+    graph = graph_of(cls)
+    known = ca.vertcat(*graph.arguments[1:])
+    dense = (ca.densify(ca.jacobian(expression, known)) for expression in (graph.rates, graph.outputs))
+    return [ca.Function("j", graph.arguments, [jacobian]) for jacobian in dense]
+
+
 seeds = st.integers(0, 2**32 - 1)
+ENOUGH, POINTS = 40, 200  # the more where something listed has not been seen yet
 
 
 def point(cls, seed):
@@ -62,7 +81,7 @@ def vectors(cls, values):
 @given(seed=seeds)
 def test_the_graph_has_the_values_of_the_class(cls, seed):
     values, time = point(cls, seed)
-    *laws, tangent = GRAPHS[cls].functions()
+    *laws, tangent = functions_of(cls)
     expected = evaluated(cls, values, time)
     assert [f.name() for f in laws] == ["rates", "outputs", *(f"update_{i}" for i in range(len(cls.layout.sampled)))]
     assert tangent.name() == "tangent"
@@ -85,7 +104,7 @@ def differences(cls, values, time, name, step):
 @given(seed=seeds)
 def test_linearisation_against_differences(cls, seed):
     values, _ = point(cls, seed)
-    layout, graph = cls.layout, GRAPHS[cls]
+    layout, graph = cls.layout, graph_of(cls)
     if cls is Curved and min(abs(values["x"]), abs(values["z"]), abs(values["y"] - values["v"])) < 1e-3:
         return  # a kink or a jump has no derivative
     component = cls(**{v.name: values[v.name] for v in layout.parameters})
@@ -104,27 +123,27 @@ def test_linearisation_against_differences(cls, seed):
 
 
 def test_linearisation_has_the_dimensions_of_the_layout():
-    shapes = [m.shape for m in GRAPHS[Curved].linearise()]
+    shapes = [m.shape for m in graph_of(Curved).linearise()]
     assert shapes == [(3, 3), (3, 2), (3, 3), (3, 2)]
-    a, b, c, d = GRAPHS[Divider].linearise(upper=3.0)
+    a, b, c, d = graph_of(Divider).linearise(upper=3.0)
     assert (a.shape, b.shape, c.shape) == ((0, 0), (0, 1), (1, 0))
     assert d[0, 0] == pytest.approx(0.5)
 
 
 def test_points_take_defaults_and_refuse_what_does_not_exist():
-    parameters, inputs, states, discretes = GRAPHS[Thermostat].point(loss=2.0, temperature=300.0, on=1.0)
+    parameters, inputs, states, discretes = graph_of(Thermostat).point(loss=2.0, temperature=300.0, on=1.0)
     assert parameters[0] == 2.0
     assert parameters[1] == 20.0
     assert inputs.tolist() == [280.0, 0.0]
     assert states.tolist() == [300.0, 0.0]
     assert discretes.tolist() == [1.0, 0.0, 290.0]
-    _, _, states, discretes = GRAPHS[Thermostat].point(
+    _, _, states, discretes = graph_of(Thermostat).point(
         temperature_start=301.0, energy_start=5.0, energy=7.0, on_start=1.0
     )
     assert states.tolist() == [301.0, 7.0]
     assert discretes.tolist() == [1.0, 0.0, 290.0]
     with pytest.raises(UserError, match="thermostat: no parameter, input or state named 'los'"):
-        GRAPHS[Thermostat].linearise(los=1.0)
+        graph_of(Thermostat).linearise(los=1.0)
 
 
 @classes
@@ -132,14 +151,11 @@ def test_points_take_defaults_and_refuse_what_does_not_exist():
 @given(seed=seeds)
 def test_tangent_is_the_directional_derivative(cls, seed):
     values, time = point(cls, seed)
-    graph = GRAPHS[cls]
     rng = np.random.default_rng(seed)
     given_ = vectors(cls, values)
     direction = [rng.normal(size=v.size) for v in given_]
-    tangents = graph.functions()[-1](time, *given_, *direction)
-    known = ca.vertcat(*graph.arguments[1:])
-    for result, expression in zip(tangents, (graph.rates, graph.outputs), strict=True):
-        jacobian = ca.Function("j", graph.arguments, [ca.densify(ca.jacobian(expression, known))])
+    tangents = functions_of(cls)[-1](time, *given_, *direction)
+    for result, jacobian in zip(tangents, jacobians_of(cls), strict=True):
         expected = jacobian(time, *given_).full() @ np.concatenate(direction)
         assert result.full().ravel() == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
@@ -148,19 +164,22 @@ def test_tangent_is_the_directional_derivative(cls, seed):
 def test_dependencies_against_differences(cls):
     """What is listed changes the unknown somewhere; what is not listed never does."""
     layout = cls.layout
-    found = dependencies(layout, GRAPHS[cls])
+    found = dependencies(layout, graph_of(cls))
     position = {name: i for i, name in enumerate(layout.names)}
     unknowns = [*(f"der({s.name})" for s in layout.states), *(o.name for o in layout.outputs)]
     knowns = [v.name for v in (*layout.inputs, *layout.states)]
     seen = np.zeros((len(unknowns), len(knowns)), dtype=bool)
     rng = np.random.default_rng(1)
-    for seed in range(200):
+    listed = found["Derivatives"] | found["Outputs"]
+    expected = np.array([[position[known] in listed[position[unknown]] for known in knowns] for unknown in unknowns])
+    for seed in range(POINTS):
+        if seed >= ENOUGH and (seen == expected).all():
+            break
         values, time = point(cls, seed)
         base = evaluated(cls, values, time)
         for k, name in enumerate(knowns):
             changed = evaluated(cls, values | {name: point(cls, int(rng.integers(2**31)))[0][name]}, time)
             seen[:, k] |= np.concatenate(base[:2]) != np.concatenate(changed[:2])
-    listed = found["Derivatives"] | found["Outputs"]
     for row, unknown in zip(seen, unknowns, strict=True):
         assert listed[position[unknown]] == [position[k] for k, depends in zip(knowns, row, strict=True) if depends]
 
@@ -172,7 +191,7 @@ def test_dependencies_against_differences(cls):
 )
 def test_initial_dependencies_against_differences(cls):
     layout = cls.layout
-    initial = dependencies(layout, GRAPHS[cls])["InitialUnknowns"]
+    initial = dependencies(layout, graph_of(cls))["InitialUnknowns"]
     names, knowns = layout.names, [v.name for v in (*layout.parameters, *layout.inputs)]
     unknowns = [names[i] for i in initial]
     rng = np.random.default_rng(2)
@@ -189,19 +208,23 @@ def test_initial_dependencies_against_differences(cls):
         return values
 
     seen = np.zeros((len(unknowns), len(knowns)), dtype=bool)
-    for seed in range(200):
+    expected = np.array(
+        [[names.index(known) in initial[names.index(unknown)] for known in knowns] for unknown in unknowns]
+    )
+    for seed in range(POINTS):
+        if seed >= ENOUGH and (seen == expected).all():
+            break
         values = start_point(seed)
         base = at_start(values)
         for k, name in enumerate(knowns):
             seen[:, k] |= base != at_start(values | {name: start_point(int(rng.integers(2**31)))[name]})
     for row, unknown in zip(seen, unknowns, strict=True):
-        expected = [names.index(k) for k, depends in zip(knowns, row, strict=True) if depends]
-        assert initial[names.index(unknown)] == expected
+        assert initial[names.index(unknown)] == [names.index(k) for k, d in zip(knowns, row, strict=True) if d]
 
 
 def test_output_states_depend_on_themselves_and_discrete_outputs_on_nothing():
     names = Thermostat.layout.names
-    outputs = dependencies(Thermostat.layout, GRAPHS[Thermostat])["Outputs"]
+    outputs = dependencies(Thermostat.layout, graph_of(Thermostat))["Outputs"]
     assert outputs[names.index("temperature")] == [names.index("temperature")]
     assert outputs[names.index("on")] == []
     assert sorted(outputs) == sorted(names.index(n) for n in ("temperature", "on", "reading", "power", "warm"))
