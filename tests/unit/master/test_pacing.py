@@ -37,17 +37,6 @@ def sleeper(tmp_path_factory):
     return build_sleeper(tmp_path_factory.mktemp("sleeper"))
 
 
-@pytest.fixture(autouse=True)
-def _young(request):
-    """What a long session has left need not be looked through before every run."""
-    if "undisturbed" in request.node.name:
-        yield
-        return
-    gc.freeze()
-    yield
-    gc.unfreeze()
-
-
 def sleeping(fmu, **parameters) -> System:
     return System("sleeping", (Member("a", fmu, parameters),), ())
 
@@ -151,6 +140,7 @@ def test_nothing_is_left_of_what_keeps_a_run_undisturbed():
     assert gc.isenabled()
     assert (gc.get_freeze_count(), os.getpriority(os.PRIO_PROCESS, 0)) == before
     assert affinity is None or os.sched_getaffinity(0) == affinity
+    gc.freeze()
 
 
 def test_what_is_not_allowed_is_noted(sleeper, monkeypatch):
