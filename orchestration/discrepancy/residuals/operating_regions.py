@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f, norm, rankdata
+from scipy.special import fdtrc, fdtri
+from scipy.stats import norm, rankdata
 
 from orchestration.discrepancy.residuals.correlation import FEWEST, SIGNIFICANCE, first_causal
 from orchestration.discrepancy.residuals.innovations import normal_scores
@@ -102,10 +103,10 @@ def operating_regions(
         if not elsewhere > 0.0:
             continue
         freedom = max(count * worth, 1.0), max((n - count) * worth, 1.0)
-        ends = np.sqrt(elsewhere * f.ppf([0.005, 0.995], *freedom))
+        ends = np.sqrt(elsewhere * fdtri(*freedom, [0.005, 0.995]))
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
         scored = float(scores[inside].mean() / scores[~inside].mean())
-        p = len(ranges) * float(f.sf(scored, *freedom))
+        p = len(ranges) * float(fdtrc(*freedom, scored))
         ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(within / count / elsewhere))
         result.append(OperatingRegion(output, signal.name, *ends_and_size, min(1.0, p)))
     return sorted(result, key=lambda region: (region.p_value, -region.rms_ratio))

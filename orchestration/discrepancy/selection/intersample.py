@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.special import expit
+from scipy.special import expit, ndtr
 from scipy.stats import norm
 
 from fmus.kit import Component
@@ -260,7 +260,7 @@ def _half_width(apart: float, weight: float) -> float:
     plain = float(norm.ppf(0.975))
 
     def outside(half: float) -> float:
-        return float((1.0 - weight) * 2.0 * norm.sf(half) + weight * (norm.sf(half - apart) + norm.sf(half + apart)))
+        return float((1.0 - weight) * 2.0 * ndtr(-half) + weight * (ndtr(apart - half) + ndtr(-half - apart)))
 
     return float(brentq(lambda half: outside(half) - 0.05, plain - 1e-3, plain + apart + 1e-3))
 

@@ -12,6 +12,7 @@ from orchestration.cli import diagnose as work
 from orchestration.cli.app import main
 from orchestration.rig.emulator.records import draw, write
 from tests.support.diagnosis import SHORT
+from tests.support.pace import slow_but
 
 OPTIONS = {
     "effects": [], "hold": ["k2"], "each": ["R1"], "interpolate": False, "time": 30.0, "settings": {"k2": "9000[N/m]"},
@@ -27,7 +28,7 @@ def files(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("held", ["another", "of several"])
+@pytest.mark.parametrize("held", slow_but(["another", "of several"], "of several"))
 def test_the_command_of_a_report_asks_for_the_same(files, held, monkeypatch):
     monkeypatch.chdir(files)
     fitted, holdout = ("a.csv", "b.csv") if held == "another" else (["a.csv", "b.csv"], "b")

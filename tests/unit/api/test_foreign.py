@@ -103,8 +103,13 @@ def test_a_wrong_parameter_is_no_cause(folder, lag):
     ("effect", "change", "value"),
     [
         ("sensor_gain(x)", lambda x: 1.2 * x, ("x_gain", 1.2, 0.01)),
-        ("sensor_offset(x)", lambda x: x + 0.3, ("x_offset", 0.3, 0.01)),
-        ("transport_delay(x)", lambda x: np.concatenate([np.zeros(5), x[:-5]]), ("x_delay", 0.5, 0.03)),
+        pytest.param("sensor_offset(x)", lambda x: x + 0.3, ("x_offset", 0.3, 0.01), marks=pytest.mark.slow),
+        pytest.param(
+            "transport_delay(x)",
+            lambda x: np.concatenate([np.zeros(5), x[:-5]]),
+            ("x_delay", 0.5, 0.03),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_a_sensor_does_is_named(folder, lag, effect, change, value):

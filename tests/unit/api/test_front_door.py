@@ -13,11 +13,12 @@ import pytest
 
 import orchestration as ppy
 from fmus.kit.errors import UserError
+from orchestration.reporting import console
 from orchestration.reporting.plain import WIDTH
 from orchestration.rig.emulator.records import draw, write
 from tests.support.command import works
 
-EFFECTS = ["strain_saturation", "double_layer"]
+EFFECTS = ["strain_saturation", "quadratic_strain"]
 
 
 @pytest.fixture(scope="module")
@@ -48,16 +49,10 @@ def test_every_name_is_there_and_says_how_it_is_used():
         ppy.diagnoze  # noqa: B018
 
 
-def test_a_result_prints_as_the_command_does(hidden, result, tmp_path):
+def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypatch):
+    monkeypatch.setattr(console.out, "width", WIDTH)
     text = works(
-        "diagnose",
-        str(hidden),
-        "--effects",
-        ",".join(EFFECTS),
-        "--json",
-        str(tmp_path / "d.json"),
-        cwd=tmp_path,
-        environment={"COLUMNS": str(WIDTH)},
+        "diagnose", str(hidden), "--effects", ",".join(EFFECTS), "--json", str(tmp_path / "d.json"), cwd=tmp_path
     )
     assert text.partition("wrote ")[0].split() == str(result).split()
     assert json.loads((tmp_path / "d.json").read_text(encoding="utf-8")) == json.loads(json.dumps(result.to_dict()))

@@ -3,6 +3,7 @@
 The clock is replaced by one that ticks at every look, so that the time ends at the same place on every machine.
 """
 
+from functools import cache
 from itertools import count
 
 import numpy as np
@@ -20,14 +21,16 @@ from orchestration.discrepancy.report import wording
 from orchestration.fmu.model import find_model
 from tests.support.diagnosis import FEW, rig_record, short_record
 
-HIDDEN = "strain_saturation"
+HIDDEN, EFFECTS = "strain_saturation", FEW[:2]
 
 
-def with_ticks(monkeypatch, ticks):
+@cache
+def with_ticks(ticks):
     """Diagnose with a clock that ticks at every look."""
     clock = count()
-    monkeypatch.setattr(budget_module, "monotonic", lambda: float(next(clock)))
-    return diagnose(PpyActuator, short_record(HIDDEN), FEW, budget=Budget(ticks))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(budget_module, "monotonic", lambda: float(next(clock)))
+        return diagnose(PpyActuator, short_record(HIDDEN), EFFECTS, budget=Budget(ticks))
 
 
 def spent(diagnosis):
@@ -35,12 +38,12 @@ def spent(diagnosis):
     return next((note for note in diagnosis.notes if note.code is NoteCode.TIME_SPENT), None)
 
 
-def test_the_best_answer_so_far_is_returned_wherever_the_time_ends(monkeypatch):
-    ended = {ticks: with_ticks(monkeypatch, ticks) for ticks in (0.5, 8.0, 30.0, 1e9)}
+def test_the_best_answer_so_far_is_returned_wherever_the_time_ends():
+    ended = {ticks: with_ticks(ticks) for ticks in (0.5, 8.0, 30.0, 1e9)}
     for diagnosis in ended.values():
         assert set(diagnosis.estimates) >= {"R1", "C", "alpha"}
         assert set(diagnosis.after) == set(diagnosis.estimation.measured)
-    assert {e.id for e in FEW} <= set(spent(ended[0.5]).facts["untried"])
+    assert {e.id for e in EFFECTS} <= set(spent(ended[0.5]).facts["untried"])
     assert ended[0.5].causes == []
     assert ended[0.5].changed == [], "where a fit ended by the clock is none of the record"
     assert ended[0.5].verdict is Verdict.AMBIGUOUS
@@ -56,11 +59,11 @@ def test_the_best_answer_so_far_is_returned_wherever_the_time_ends(monkeypatch):
     assert "time" not in wording.sentence(ended[1e9])
 
 
-def test_a_fit_that_is_ended_early_keeps_its_best_point(monkeypatch):
+def test_a_fit_that_is_ended_early_keeps_its_best_point():
     """With every point after the first refused the base model is what it was; with some it is nearer to the record."""
     errors = {}
     for ticks in (0.5, 4.0, 1e9):
-        found = with_ticks(monkeypatch, ticks)
+        found = with_ticks(ticks)
         left = found.selection.base.fit.residual
         errors[ticks] = sum(np.var(left[o]) / np.nanvar(y) for o, y in found.estimation.measured.items())
     assert errors[0.5] > 1.1 * errors[4.0]
@@ -87,7 +90,7 @@ def test_a_late_failure_costs_what_failed_only(monkeypatch):
 
     monkeypatch.setattr(pipeline, "measured_gain", broken)
     monkeypatch.setattr(diagnosis_module.Search, "refit", lost)
-    options = pipeline.Options(effects=[e.id for e in FEW])
+    options = pipeline.Options(effects=[e.id for e in EFFECTS])
     result = pipeline.diagnose(rig_record(HIDDEN), find_model("ppy_actuator"), options=options)
     assert result.diagnosis.causes == [HIDDEN]
     assert result.gain is None
@@ -105,5 +108,5 @@ def test_one_fit_that_fails_is_told_and_the_others_stand(monkeypatch):
         return fit_extended(self, screened, at_rest)
 
     monkeypatch.setattr(diagnosis_module.Search, "fit_extended", some)
-    diagnosis = diagnose(PpyActuator, short_record(HIDDEN), FEW)
+    diagnosis = diagnose(PpyActuator, short_record(HIDDEN), EFFECTS)
     assert diagnosis.causes == [HIDDEN]

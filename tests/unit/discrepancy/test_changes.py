@@ -14,6 +14,7 @@ from orchestration.discrepancy.candidates.candidate import Candidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, changes
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.report.changes import plain_rows
+from tests.support.pace import slow_but
 from tests.support.several import TRUE, Cell, measured
 
 PARAMETERS = ("ocv", "R0", "R1", "tau1")
@@ -26,7 +27,7 @@ def found(seed, **after):
     return changes(Candidate((), Cell), Dataset.joined(records), PARAMETERS, ["relaxed_start"], {})
 
 
-@pytest.mark.parametrize("seed", range(20, 23))
+@pytest.mark.parametrize("seed", slow_but(range(20, 23), 20))
 @pytest.mark.parametrize("name", FACTORS)
 def test_one_parameter_that_changed_is_claimed_alone(name, seed):
     told = found(seed, **{name: FACTORS[name] * TRUE[name]})
@@ -39,7 +40,7 @@ def test_one_parameter_that_changed_is_claimed_alone(name, seed):
     assert {change.name for change in told} == set(PARAMETERS)
 
 
-@pytest.mark.parametrize("seed", range(30, 36))
+@pytest.mark.parametrize("seed", slow_but(range(30, 36), 30, 31, 32))
 def test_where_nothing_changed_nothing_is_claimed(seed):
     assert not [change for change in found(seed) if change.changed]
 
@@ -55,7 +56,7 @@ def test_two_that_changed_are_both_claimed():
     assert {change.name for change in told if change.changed} == {"R0", "R1"}
 
 
-@pytest.mark.parametrize("seed", range(50, 53))
+@pytest.mark.parametrize("seed", slow_but(range(50, 53), 50))
 def test_what_the_model_lacks_in_both_records_is_no_change(seed):
     """A cubic resistance that the model has not bends every parameter a little, and otherwise in each record."""
     records = {BEFORE: measured(2 * seed, 3.0), AFTER: measured(2 * seed + 1, -4.0, R1=3.0 * TRUE["R1"])}

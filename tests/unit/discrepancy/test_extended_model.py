@@ -32,11 +32,12 @@ from orchestration.fmu.simulate import simulate_instance
 from orchestration.rig.emulator.records import draw
 from tests.contract import checks, structure
 from tests.contract.subjects import SUBJECTS
-from tests.support.diagnosis import as_measured
+from tests.support.diagnosis import SHORT, as_measured
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = "lab record.csv"
 CASES = ("saturation", "lag", "stage")
+SPRINGS = ("alpha", "k1", "b1", "k2", "b2", "kelvin_elongation_start", "maxwell_elongation_start")
 
 
 def stage() -> tuple[Dataset, dict[str, np.ndarray]]:
@@ -61,15 +62,19 @@ def drawn(hidden: str | None, **options) -> tuple[Dataset, dict[str, np.ndarray]
 
 
 def case(name: str):
-    """A model, its record with the truth, and a few effects, the hidden one first."""
+    """A model, its record with the truth, and a few effects, the hidden one first; of the lag the voltage alone."""
     if name == "stage":
         cls = load_class(f"{EXAMPLES / 'positioning_stage.py'}:PositioningStage")
         data, truth = stage()
         return cls, data, truth, catalogue(cls, effects_of(cls), data.measured)
-    others = [EFFECTS["strain_saturation"], EFFECTS["quadratic_strain"], sensor_lag(PpyActuator, "voltage")]
+    other = EFFECTS["quadratic_strain"]
     if name == "saturation":
-        return PpyActuator, *drawn("strain_saturation"), others
-    return PpyActuator, *drawn("sensor_lag.voltage"), others[::-1]
+        return PpyActuator, *drawn("strain_saturation", duration=300.0), [EFFECTS["strain_saturation"], other]
+    return (
+        PpyActuator,
+        *drawn("sensor_lag.voltage", outputs=("voltage",), **SHORT),
+        [sensor_lag(PpyActuator, "voltage"), other],
+    )
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +85,7 @@ def made(tmp_path_factory):
     def of(name):
         if name not in cases:
             cls, data, truth, effects = case(name)
-            diagnosis = diagnose(cls, data, effects)
+            diagnosis = diagnose(cls, data, effects, held=SPRINGS if name == "lag" else ())
             model = extended(diagnosis, f"/somewhere/{RECORD}")
             paths = export(model, tmp_path_factory.mktemp(name) / "mended.fmu", platforms=[host_platform()])
             cases[name] = SimpleNamespace(
@@ -140,7 +145,7 @@ def test_it_is_told_which_assumption_is_relaxed(made):
 
 
 def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):
-    data, _ = drawn(None, duration=300.0, rate=5.0, changed={"R1": 1.4}, spread=0.0)
+    data, _ = drawn(None, changed={"R1": 1.4}, spread=0.0, **SHORT)
     diagnosis = diagnose(PpyActuator, data, [])
     cls = extended(diagnosis, RECORD)
     assert diagnosis.verdict == "recalibrate"
@@ -167,7 +172,7 @@ def test_doubts_are_told(made):
 
 
 def test_nothing_is_made_of_a_record_that_does_not_move():
-    data, _ = drawn(None, duration=300.0, rate=5.0)
+    data, _ = drawn(None, **SHORT)
     still = {name: np.full_like(values, values[0]) for name, values in data.inputs.items()}
     with pytest.raises(UserError, match=r"lab record\.csv: no input moves"):
         extended(diagnose(PpyActuator, Dataset(data.time, still, data.measured), []), RECORD)

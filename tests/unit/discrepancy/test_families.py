@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
+from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from orchestration.discrepancy.candidates.typical import typical
 from orchestration.fmu.effects import find_effects
@@ -68,7 +69,7 @@ def test_a_dead_zone_is_named_that_no_file_lists(folder):
         low, high = said.parameters[name].interval
         margin = 0.5 * (high - low)
         assert low - margin <= true <= high + margin, name
-    native, _ = said.fmu(folder / "better.fmu")
+    native, _ = said.fmu(folder / "better.fmu", [host_platform()])
     assert native.exists()
 
 

@@ -98,7 +98,7 @@ def test_another_record_is_what_is_judged_by(actuator):
     [
         (["sensor_lag"], ["sensor_lag(voltage)", "sensor_lag(displacement)"]),
         (["sensor_lag(voltage)", "slack"], ["slack", "slack(smooth)", "sensor_lag(voltage)"]),
-        ([], []),
+        pytest.param([], [], marks=pytest.mark.slow),
     ],
 )
 def test_effects_are_considered_by_id_or_by_output(actuator, wanted, considered):

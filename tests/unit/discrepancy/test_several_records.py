@@ -60,7 +60,7 @@ def test_what_differs_from_record_to_record_is_each_its_own_and_no_change(differ
 
 
 def test_what_differs_without_being_said_so_leaves_an_error():
-    records = several(ocvs=OCVS)
+    records = several("abc", ocvs=OCVS)
     shared = diagnose(Cell, records, [])
     y = shared.validation.data.measured["voltage"][shared.validation.judged]
     assert shared.before["voltage"] > 5.0 * NOISE / np.std(y)

@@ -217,7 +217,7 @@ def test_a_system_is_not_overwritten_by_its_page(folder):
     [
         ("∆", "new.nc", ["'∆.charge'", "NetCDF"]),
         ("a[1]", "new.csv", ["'a[1].charge'", "brackets", "CSV"]),
-        ('say "a"', "new.csv", ["quotes", "CSV"]),
+        pytest.param('say "a"', "new.csv", ["quotes", "CSV"], marks=pytest.mark.slow),
     ],
 )
 def test_names_that_a_format_cannot_hold_are_refused_before_the_run(folder, monkeypatch, name, target, parts):

@@ -16,6 +16,7 @@ from orchestration.experiment.reading import read
 from orchestration.experiment.run import run
 from orchestration.records import read_record, write_record
 from tests.support.command import PNG, here, on_terminal, posix, refused
+from tests.support.pace import slow_but
 
 TEXT = """
 title = "A record is played back"
@@ -174,7 +175,7 @@ RATE = re.compile(r"running .*━.* [\d,]{3,}/s.*\d:\d\d:\d\d")
 @posix
 @pytest.mark.parametrize(
     ("name", "changes"),
-    [("fig_3_4", []), ("fig_3_4", ["runtime=python"]), ("fig_4_5", [])],
+    slow_but([("fig_3_4", []), ("fig_3_4", ["runtime=python"]), ("fig_4_5", [])], ("fig_3_4", [])),
     ids=["component", "python build", "system"],
 )
 def test_an_interrupt_leaves_what_was_computed(tmp_path, name, changes):

@@ -17,6 +17,7 @@ from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, b
 from tests.support.pace import slow_but
 
 distributed = pytest.importorskip("distributed", reason="no Dask cluster without distributed")
+dask = pytest.importorskip("dask")
 pytestmark = pytest.mark.filterwarnings("ignore")  # what Dask thinks of its own parts
 TIME = 0.1 * np.arange(51)
 
@@ -28,7 +29,10 @@ def lag(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def workers():
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made:
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),  # of workers at a case, until it has failed
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made,
+    ):
         yield made
 
 
@@ -127,10 +131,10 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
 @pytest.mark.parametrize(
     ("address", "told"),
     [
-        ("foo", "no address of a scheduler"),
+        pytest.param("foo", "no address of a scheduler", marks=pytest.mark.slow),
         pytest.param("nonsense://x:1", "no address of a scheduler", marks=pytest.mark.slow),
         pytest.param("tcp://localhost", "no address of a scheduler", marks=pytest.mark.slow),
-        ("tcp://localhost:99999", "no address of a scheduler"),
+        pytest.param("tcp://localhost:99999", "no address of a scheduler", marks=pytest.mark.slow),
         pytest.param("inproc://1.2.3.4/5/6", "no address of a scheduler", marks=pytest.mark.slow),
         ("tls://127.0.0.1:9", "no certificates"),
     ],

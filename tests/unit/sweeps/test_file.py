@@ -8,7 +8,7 @@ import pytest
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.sweeps.file import read_sweep
-from tests.support.command import ppy as command
+from tests.support.command import refused, works
 from tests.support.hosts import build_one_state_fmu
 
 LAG = """
@@ -129,9 +129,6 @@ def test_a_file_that_is_not_there_is_told(tmp_path):
 
 def test_on_the_command_line_the_file_says_what_is_run(folder):
     written(folder, LAG, "a.toml")
-    done = command("sweep", "a.toml", "--engine", "fmu", "--out", "a.nc", cwd=folder)
-    assert "4 cases, FMU" in done.stdout
+    assert "4 cases, FMU" in works("sweep", "a.toml", "--engine", "fmu", "--out", "a.nc", cwd=folder)
     assert (folder / "a.nc").exists()
-    refused = command("sweep", "a.toml", "--stop", "3s", cwd=folder)
-    assert refused.returncode == 2
-    assert "--stop: the file says what is run" in refused.stderr
+    refused(folder, "sweep", "a.toml", "--stop", "3s", parts=["--stop: the file says what is run"])

@@ -11,8 +11,7 @@ import xarray
 import orchestration as ppy
 from fmus.kit import Component, Input, Output, Parameter, UserError, sin
 from orchestration.sweeps.sensitivity import indices, tornado
-from tests.support.command import PNG, works
-from tests.support.command import ppy as command
+from tests.support.command import PNG, here, works
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
 
 TIME = np.array([0.0, 1.0])
@@ -83,7 +82,7 @@ def test_indices_of_ishigami_are_those_of_the_closed_form():
 def test_indices_of_a_linear_law_are_its_shares_of_the_variance():
     """Of ``sum a_i x_i`` they are ``a_i^2 var(x_i)``, first as total; here each as ``a_i`` times the width, squared."""
     over = {"a": "1..2", "b": "0..3", "c": "0.5..1"}
-    found = ppy.sensitivity(swept(Laws, over, samples=4096))
+    found = ppy.sensitivity(swept(Laws, over, samples=1024))
     weight = np.array([2.0 * 1.0, 1.0 * 3.0, 4.0 * 0.5]) ** 2
     for order in ("first", "total"):
         assert found["linear_last_index"].sel(index=order).values == pytest.approx(weight / weight.sum(), abs=0.01)
@@ -261,7 +260,7 @@ def test_a_file_says_where_the_others_stay(folder):
 
 def test_cases_are_kept_where_indices_are_refused(fragile, tmp_path):
     call = ("sweep", fragile, "--over", "u=1..6", "--design", "sobol-indices", "--samples", 16, "--stop", "1s")
-    ended = command(*call, "--keep", "last", "--out", "f.nc", cwd=tmp_path)
+    ended = here(*call, "--keep", "last", "--out", "f.nc", cwd=tmp_path)
     assert ended.returncode == 2
     assert "error: no Sobol indices: " in ended.stderr
     assert "Traceback" not in ended.stderr

@@ -23,6 +23,7 @@ from orchestration.records import read_record
 from orchestration.rig.emulator.bench import NOISE
 from orchestration.rig.emulator.records import UNITS, draw, write
 from tests.support.diagnosis import short_record
+from tests.support.pace import slow_but
 
 LIMIT = 0.8  # V, of a recorder
 FEW = [EFFECTS[name] for name in ("nonlinear_leakage", "self_heating", "slack", "strain_saturation")]
@@ -249,7 +250,7 @@ def test_inputs_that_do_not_move_are_told():
 # --- no model is blamed -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fault", ["clipped", "dead", "stuck"])
+@pytest.mark.parametrize("fault", slow_but(["clipped", "dead", "stuck"], "clipped"))
 def test_a_fault_of_the_data_is_no_cause(fault):
     data = record()
     outputs = {name: values.copy() for name, values in data.measured.items()}

@@ -37,6 +37,7 @@ from orchestration.identify.problem import Problem
 from orchestration.rig.emulator.bench import NOISE
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from orchestration.rig.emulator.variations import CATALOGUE
+from tests.support.pace import slow_but
 
 TIME = 0.2 * np.arange(1501)
 RIG = RigParameters(R1=0.40, R2=2.5, C=2.6, alpha=7.2e-5, k1=6000.0, b1=1.8e6, k2=1.05e4, b2=1.9e6)
@@ -92,7 +93,7 @@ def figure(experiment, true_model):
     return next(e.bic for e in experiment.expected if e.true_model == true_model)
 
 
-@pytest.mark.parametrize("hidden", HIDDEN)
+@pytest.mark.parametrize("hidden", slow_but(HIDDEN, "double_layer"))
 def test_what_a_dull_record_cannot_tell_apart_the_designed_experiment_does(hidden):
     _, selection = ambiguous(hidden)
     (step,) = selection.steps
@@ -110,7 +111,7 @@ def test_what_a_dull_record_cannot_tell_apart_the_designed_experiment_does(hidde
     assert named.selection.steps[0].alternatives == []
 
 
-@pytest.mark.parametrize("hidden", HIDDEN)
+@pytest.mark.parametrize("hidden", slow_but(HIDDEN, "double_layer"))
 def test_the_limits_of_the_rig_are_kept(hidden):
     experiment = designed(hidden)
     assert experiment.duration == pytest.approx(TIME[-1])
@@ -174,7 +175,7 @@ def test_limits_that_nobody_gave_are_what_the_record_shows():
 
 
 def test_a_model_expects_nothing_against_itself():
-    _, selection = ambiguous("diffusion")
+    _, selection = ambiguous("double_layer")
     model = selection.steps[0].chosen
     shown = respond(model, TIME, DULL, at_rest(model))
     assert expected_delta_bic_linear(model, model, shown, shown) == pytest.approx(0.0, abs=1.0)

@@ -10,6 +10,7 @@ from orchestration.discrepancy.laws.calm import calmed, noise_of_inputs, smooth
 from orchestration.discrepancy.selection.input_noise import measured_noise
 from tests.support.clean.records import Case, draw
 from tests.support.lacking import diagnosed
+from tests.support.pace import slow_but
 
 TIME = np.arange(3000) * 0.02
 NOISE = 0.01
@@ -32,7 +33,9 @@ COURSES = {
 }
 
 
-@pytest.mark.parametrize("name", COURSES)
+@pytest.mark.parametrize(
+    "name", slow_but(COURSES, "chirp", "square", "binary, slow", "binary, fast", "staircase", "steps and rest")
+)
 def test_most_of_the_noise_goes_and_the_course_stays(name):
     course = COURSES[name]
     noisy = course + NOISE * np.random.default_rng(1).normal(size=len(TIME))

@@ -55,7 +55,7 @@ def test_ratios_out_of_all_reason_are_in_the_headline(actuator):
 
 
 def test_why_an_effect_was_rejected_is_said_on_the_terminal_too(actuator):
-    effects = ["strain_saturation", "quadratic_strain", "strain_lag"]
+    effects = ["strain_saturation", "quadratic_strain"]
     result = diagnose(rig_record("strain_saturation"), actuator, options=Options(effects=effects))
     rejected = [row for row in every_tried(result.diagnosis) if row.verdict == "rejected"]
     assert rejected

@@ -19,6 +19,7 @@ from orchestration.discrepancy.report.page import page
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
 from orchestration.rig.emulator.records import draw, write
+from tests.support.pace import slow_but
 
 SIZE = 1e-4  # m
 QUIET = 3.0  # s on either side of the jump in which no input moves
@@ -34,7 +35,7 @@ def quiet_time(drawn):
     return float(candidates[distance.argmax()])
 
 
-@pytest.fixture(scope="module", params=[1.0, -1.0], ids=["up", "down"])
+@pytest.fixture(scope="module", params=slow_but([1.0, -1.0], -1.0), ids=["up", "down"])
 def jumped(request, tmp_path_factory):
     """A diagnosis of a clean record of the rig, whose measured displacement jumps once, and when and by how much."""
     drawn = draw(None, 1, duration=300.0, rate=5.0)

@@ -30,8 +30,8 @@ from tests.support.reference import DOCS, documented, documented_codes, fields
 @pytest.fixture(scope="module")
 def result():
     """A lag of the voltage's sensor, with something else that nobody looked for."""
-    effects = ["sensor_lag(voltage)", "double_layer"]
-    result = diagnose(rig_record("sensor_lag.voltage"), find_model("ppy_actuator"), options=Options(effects=effects))
+    effects, record = ["sensor_lag(voltage)", "quadratic_strain"], rig_record("sensor_lag.voltage", duration=200.0)
+    result = diagnose(record, find_model("ppy_actuator"), options=Options(effects=effects))
     assert result.diagnosis.causes[:1] == ["sensor_lag(voltage)"]
     return result
 

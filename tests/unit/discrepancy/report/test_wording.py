@@ -12,7 +12,7 @@ import pytest
 
 from fmus.kit import Component, Input, Output, Parameter
 from fmus.kit.errors import UserError
-from fmus.kit.sensors import sensor_gain, sensor_lag
+from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_lag, sensor_offset
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import diagnosis as diagnosing
@@ -45,10 +45,16 @@ MAKERS: dict[NoteCode, Maker] = {}
 
 
 def makes(*codes: NoteCode) -> Callable[[Maker], Maker]:
-    """Register what makes notes of these codes."""
+    """Register what makes notes of these codes, once for all of them."""
 
     def register(maker: Maker) -> Maker:
-        MAKERS.update(dict.fromkeys(codes, maker))
+        made: list[Note] = []
+
+        def once(monkeypatch: pytest.MonkeyPatch) -> list[Note]:
+            made.extend([] if made else maker(monkeypatch))
+            return made
+
+        MAKERS.update(dict.fromkeys(codes, once))
         return maker
 
     return register
@@ -60,6 +66,35 @@ def with_output(data: Dataset, output: str, values: np.ndarray) -> Dataset:
 
 def faults(data: Dataset) -> list[Note]:
     return [fault.note for fault in assess(data)[1]]
+
+
+class Product(Component):
+    """What is fed, times two factors."""
+
+    name = "product"
+    a = Parameter(1.0, "1", min=0, max=5.0)
+    b = Parameter(1.0, "1", min=0)
+    u = Input("1")
+
+    @Output("1")
+    def y(self):
+        return self.a * self.b * self.u
+
+
+def products(factor: float) -> Dataset:
+    """What is fed, times a factor, measured."""
+    time = 0.1 * np.arange(600)
+    u = np.where(np.floor(time / 5.0) % 2 == 0.0, 1.0, -0.6)
+    return Dataset(time, {"u": u}, {"y": factor * u + 0.01 * coloured(0.0, 1, 600)})
+
+
+OFFSET = sensor_offset(Product, "y")
+
+
+def with_offset() -> Dataset:
+    """Such a record, whose sensor shows too much."""
+    data = products(2.0)
+    return with_output(data, "y", data.measured["y"] + 0.3)
 
 
 # --- faults of the data ---------------------------------------------------------------------------------------------
@@ -289,7 +324,7 @@ def not_simulated(monkeypatch):
 @makes(NoteCode.NOT_VALIDATED)
 def not_validated(monkeypatch):
     """What is held out is just what the model without the effect says."""
-    diagnosis = diagnose(PpyActuator, short_record("strain_saturation"), [SATURATION])
+    diagnosis = diagnose(Product, with_offset(), [OFFSET])
     validation = diagnosis.validation
     exact = predict(validation, diagnosis.selection.base).simulated
     judged_by = ValidationData(replace(validation.data, measured=exact), validation.judged, validation.continued)
@@ -299,8 +334,7 @@ def not_validated(monkeypatch):
 @makes(NoteCode.CONFOUNDED)
 def confounded(monkeypatch):
     monkeypatch.setattr(diagnosing, "CONFOUNDED_SHARE", 0.0)
-    effects = [SATURATION, EFFECTS["strain_lag"]]
-    return diagnose(PpyActuator, short_record("strain_saturation"), effects).notes
+    return diagnose(Product, with_offset(), [OFFSET, sensor_drift(Product, "y")]).notes
 
 
 # --- results --------------------------------------------------------------------------------------------------------
@@ -308,26 +342,6 @@ def confounded(monkeypatch):
 
 def fails(*arguments: Any) -> Any:
     raise UserError("for a reason")
-
-
-class Product(Component):
-    """What is fed, times two factors."""
-
-    name = "product"
-    a = Parameter(1.0, "1", min=0, max=5.0)
-    b = Parameter(1.0, "1", min=0)
-    u = Input("1")
-
-    @Output("1")
-    def y(self):
-        return self.a * self.b * self.u
-
-
-def products(factor: float) -> Dataset:
-    """What is fed, times a factor, measured."""
-    time = 0.1 * np.arange(600)
-    u = np.where(np.floor(time / 5.0) % 2 == 0.0, 1.0, -0.6)
-    return Dataset(time, {"u": u}, {"y": factor * u + 0.01 * coloured(0.0, 1, 600)})
 
 
 @makes(NoteCode.UNDETERMINED)
@@ -381,7 +395,7 @@ def end_not_followed(monkeypatch):
 @makes(NoteCode.NO_GAIN)
 def no_gain(monkeypatch):
     monkeypatch.setattr(diagnosing, "DEGRADED", 0.0)
-    return diagnose(PpyActuator, short_record("strain_saturation"), [SATURATION]).notes
+    return diagnose(Product, with_offset(), [OFFSET]).notes
 
 
 @makes(NoteCode.FMU_FAILED)

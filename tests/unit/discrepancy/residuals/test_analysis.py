@@ -25,6 +25,7 @@ from tests.support.noises import (
     slowly_varying,
     student,
 )
+from tests.support.pace import slow_but
 
 FEW, MANY = 12, 500  # records of each kind
 SMOOTH = (2, 4, 8, 10)  # chirps and multisines
@@ -38,7 +39,22 @@ HEAVY = {
 }
 
 
-@pytest.mark.parametrize("kind", [*KINDS, *LOOPS])
+@pytest.mark.parametrize(
+    "kind",
+    slow_but(
+        [*KINDS, *LOOPS],
+        "Gaussian, AR 0.9",
+        "Student t3, AR 0",
+        "1 % outliers, AR 0.9",
+        "level in time, AR 0.9",
+        "level by size, AR 0",
+        "12 bit, noise of a step, AR 0.9",
+        "steps of 10 noise",
+        "steps, no noise",
+        "loop, gain 0.5, 0 late, AR 0",
+        "loop, gain 2, 1 late, AR 0.9",
+    ),
+)
 def test_noise_as_it_comes_is_no_structure(kind):
     """At 1 % none of a dozen is to be expected; two would be one chance in two hundred."""
     make = (KINDS | LOOPS)[kind]
@@ -59,7 +75,7 @@ def test_false_alarms_of_the_battery(capsys):
 
 
 @pytest.mark.parametrize("noise", HEAVY)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", slow_but(range(4), 1, 2))
 class TestPower:
     """What is there is found beneath such noise; its standard deviation is 0.05, or that of its bulk is."""
 

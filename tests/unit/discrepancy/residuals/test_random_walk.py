@@ -11,10 +11,11 @@ from orchestration.discrepancy.diagnosis import searched
 from orchestration.discrepancy.residuals.random_walk import random_walk_test
 from orchestration.discrepancy.selection.search import Search
 from orchestration.rig.emulator.records import draw
+from tests.support.pace import slow_but
 from tests.support.residuals import COLOURS, N, noise
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.5, 0.9, 0.95])
+@pytest.mark.parametrize("colour", slow_but([0.0, 0.5, 0.9, 0.95], 0.0, 0.95))
 def test_noise_does_not_wander(colour):
     assert not any(random_walk_test(noise(colour, seed)).significant for seed in range(300))
 

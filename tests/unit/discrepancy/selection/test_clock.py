@@ -17,6 +17,7 @@ from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection.clock import evened
 from tests.support.intersample_records import TRUE, record
+from tests.support.pace import slow_but
 
 AT_REST = ("charge_start", "kelvin_elongation_start", "maxwell_elongation_start")
 KINDS = [("chirp", False), ("multilevel", True)]
@@ -33,7 +34,7 @@ def judged(data: Dataset):
     return diagnosis, [note for note in diagnosis.notes if note.code is NoteCode.EVEN_CLOCK]
 
 
-@pytest.mark.parametrize(("kind", "held"), KINDS)
+@pytest.mark.parametrize(("kind", "held"), slow_but(KINDS, ("chirp", False)))
 def test_stamps_that_are_off_are_left_out(kind, held):
     deviations = []
     for seed in range(4):
@@ -52,7 +53,7 @@ def test_stamps_that_are_off_are_left_out(kind, held):
     assert np.mean(np.square(deviations)) < 2.0  # 16 degrees of freedom: 0.99 quantile
 
 
-@pytest.mark.parametrize(("kind", "held"), KINDS)
+@pytest.mark.parametrize(("kind", "held"), slow_but(KINDS, ("multilevel", True)))
 def test_stamps_that_are_true_stay(kind, held):
     for seed in range(4):
         data = record(kind, held, seed, force="multilevel", jitter=0.02, noise=0.3)

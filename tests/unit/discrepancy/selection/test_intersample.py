@@ -76,12 +76,12 @@ def test_a_held_chirp_is_found_by_the_fits_and_said():
 
 def test_what_is_given_is_not_asked_of_the_record():
     data = record("chirp", True, 1)
-    for linear in (True, False):
-        diagnosis = judged(replace(data, linear=linear))
+    given = {linear: judged(replace(data, linear=linear)) for linear in (True, False)}
+    for linear, diagnosis in given.items():
         assert diagnosis.intersample["current"].linear is linear
         assert diagnosis.intersample["current"].basis is Basis.GIVEN
         assert NoteCode.INTERSAMPLE not in {note.code for note in diagnosis.notes}
-    assert judged(replace(data, linear=False)).after["voltage"] < judged(replace(data, linear=True)).after["voltage"]
+    assert given[False].after["voltage"] < given[True].after["voltage"]
 
 
 def test_where_the_fits_do_not_tell_it_is_said_what_hangs_on_it():

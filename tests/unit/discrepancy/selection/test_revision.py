@@ -17,6 +17,7 @@ from orchestration.discrepancy.selection.revision import _chain, _fitted, explai
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
+from tests.support.pace import slow_but
 from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record, shaped
 
 SHARE = 0.3  # of what only the mixture does
@@ -60,7 +61,7 @@ def record(parts, seed):
     return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown})
 
 
-@pytest.mark.parametrize("seed", [2, 3, 4])
+@pytest.mark.parametrize("seed", slow_but([2, 3, 4], 2))
 def test_what_was_taken_for_the_sum_of_two_causes_does_not_stay_beside_them(seed):
     data = record({"even": 1.0, "odd": 0.58}, seed)
     search = Search(data, Amplifier, ["gain"])
@@ -85,7 +86,7 @@ def test_only_what_came_near_is_tried_in_the_place_of_another(monkeypatch):
     assert all("far" not in names for names in asked)
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", slow_but([2, 3], 2))
 def test_what_is_needed_stays(seed):
     data = record({"mixture": 1.0, "odd": -0.8}, seed)
     search = Search(data, Amplifier, ["gain"])

@@ -1,4 +1,7 @@
-"""Which member of a system is wrong: records of closed loops, made without any FMU, are cut open and judged."""
+"""Which member of a system is wrong: records of closed loops, made without any FMU, are cut open and judged.
+
+What is written of it is documented.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,8 @@ from orchestration.experiment.waveforms import multilevel
 from orchestration.records import write_record
 from orchestration.system import library as shipped
 from orchestration.system import ssp
+from tests.support.pace import slow_but
+from tests.support.reference import documented, fields
 from tests.support.system.closed_loop import NOISE, WATCH, measure, watched
 from tests.support.system.lags import lags
 
@@ -71,18 +76,28 @@ def test_a_record_of_the_system_itself_blames_nobody(tmp_path):
     assert json.loads(text)["members"][2]["reasons"][0]["code"] == "residual_is_noise"
 
 
-def test_the_member_with_another_structure_is_named(tmp_path):
-    diagnosis = watched(
-        tmp_path,
+@pytest.fixture(scope="module")
+def saturating(tmp_path_factory):
+    """An actuator whose strain saturates."""
+    return watched(
+        tmp_path_factory.mktemp("saturating"),
         hidden=effects("ppy_actuator")["strain_saturation"],
         values={"actuator.strain_saturation_coefficient": 0.3},
     )
-    assert verdicts(diagnosis) == ALL_RIGHT | {"actuator": "wrong"}
-    assert diagnosis.wrong == ["actuator"]
-    actuator = diagnosis.members[2]
+
+
+def test_the_member_with_another_structure_is_named(saturating):
+    assert verdicts(saturating) == ALL_RIGHT | {"actuator": "wrong"}
+    assert saturating.wrong == ["actuator"]
+    actuator = saturating.members[2]
     assert not actuator.final["voltage"].wrong
     assert "displacement is off by" in why(actuator)
     assert "whatever its parameters" in why(actuator)
+
+
+def test_the_fields_documented_of_a_system_are_those_written(saturating):
+    written = json.loads(json.dumps(summary(saturating), allow_nan=False))
+    assert {path for path, _ in fields(written)} == set(documented(system=True))
 
 
 def test_a_member_with_another_parameter_is_recalibrated(tmp_path):
@@ -106,7 +121,7 @@ def test_what_to_measure_is_told(tmp_path):
     assert codes["galvanostat"] == [ReasonCode.NO_OUTPUT_MEASURED]
 
 
-@pytest.mark.parametrize(("friction", "verdict"), [(0.0, "consistent"), (0.5, "wrong")])
+@pytest.mark.parametrize(("friction", "verdict"), slow_but([(0.0, "consistent"), (0.5, "wrong")], (0.0, "consistent")))
 def test_a_slide_that_runs_away_alone_is_judged_in_its_loop(tmp_path, friction, verdict):
     """By itself it integrates the noise of the tension twice: it would be centimetres off."""
     hidden = {"hidden": effects("voice_coil_dma")["coulomb_friction"], "values": {"bench.coulomb_force": friction}}

@@ -76,9 +76,9 @@ def test_what_makes_unseen_data_worse_is_no_cause(seed):
 
 def test_of_what_is_none_little_is_confirmed():
     """At most a share of 2.3 % by the normal distribution; of effects that are there nearly all are."""
-    false = outcomes(drawn_scores(0.0, range(1000, 1600)))
+    false = outcomes(drawn_scores(0.0, range(1000, 1300)))
     assert false.count(Outcome.CONFIRMED) <= 0.05 * len(false)
-    true = outcomes(drawn_scores(4.0, range(200)))
+    true = outcomes(drawn_scores(4.0, range(100)))
     assert true.count(Outcome.CONFIRMED) >= 0.95 * len(true)
     assert true.count(Outcome.REFUTED) == 0
 

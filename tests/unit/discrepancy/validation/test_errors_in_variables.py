@@ -129,21 +129,27 @@ def test_what_is_there_is_named_through_noise_on_the_inputs():
     assert diagnosis.causes[:1] == ["strain_saturation"]
 
 
-@pytest.mark.parametrize("hindrance", ["time", "failure"])
-def test_what_could_not_be_held_against_noise_is_not_claimed(monkeypatch, hindrance):
+@pytest.fixture(scope="module")
+def saturating():
+    """A search in a record with noise on its inputs, what it named, and that noise."""
     data = short_record("strain_saturation")
     random = np.random.default_rng(1)
     noisy = {n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()}
     search = Search(replace(data, inputs=noisy), PpyActuator, ["R1", "R2", "C", "alpha"])
     selection = select(search, [EFFECTS["strain_saturation"]])
-    noise = assess(search, selection.base)
+    return search, selection, assess(search, selection.base)
+
+
+@pytest.mark.parametrize("hindrance", ["time", "failure"])
+def test_what_could_not_be_held_against_noise_is_not_claimed(saturating, monkeypatch, hindrance):
+    search, selection, noise = saturating
     assert [step.chosen.effect_name for step in defensible(selection, search, noise)[0].steps] == ["strain_saturation"]
 
     def fails(self, fitted):
         raise UserError("too stiff")
 
     if hindrance == "time":
-        search.budget = Budget(0.0)
+        monkeypatch.setattr(search, "budget", Budget(0.0))
     else:
         monkeypatch.setattr(Search, "refit", fails)
     kept, notes = defensible(selection, search, noise)

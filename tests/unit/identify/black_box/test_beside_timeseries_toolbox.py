@@ -12,7 +12,7 @@ from TimeSeriesSRC.Model.model import pmodel
 from orchestration.identify.black_box import box_jenkins, input_output_data
 from tests.support.black_box import box_jenkins_record, fit, response
 
-SEEDS = range(100, 120)
+SEEDS = range(100, 110)
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # steps of its search overflow
 
 

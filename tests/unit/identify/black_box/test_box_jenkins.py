@@ -11,6 +11,7 @@ from orchestration.identify.black_box.orders import orders
 from orchestration.identify.black_box.prediction_error import PredictionError
 from orchestration.identify.black_box.search.gauss_newton import minimise
 from tests.support.black_box import BOX_JENKINS, box_jenkins_record, fit
+from tests.support.pace import slow_but
 
 SEEDS = range(20)
 
@@ -30,7 +31,10 @@ def found(records):
     return [identified(record, nc=1, nd=1) for record in records]
 
 
-@pytest.mark.parametrize(("offset", "d1", "least"), [(0.0, -0.8, 99.0), (3.0, 0.5, 99.0), (3.0, -0.8, 98.7)])
+@pytest.mark.parametrize(
+    ("offset", "d1", "least"),
+    slow_but([(0.0, -0.8, 99.0), (3.0, 0.5, 99.0), (3.0, -0.8, 98.7)], (0.0, -0.8, 99.0), (3.0, -0.8, 98.7)),
+)
 def test_the_free_run_is_the_truth_within_a_percent(offset, d1, least):
     """But where an offset is to be told from red noise: the mean of that noise alone costs 0.7 % of 2000 samples."""
     fits = []
@@ -97,7 +101,15 @@ def test_noise_model_agrees_with_statsmodels():
     assert result.model.noise_variance == pytest.approx(variance, rel=0.01)
 
 
-@pytest.mark.parametrize("counts", [([2, 1], [2, 1], 1), ([2, 2], [2, 2], 2), ([1, 2], [3, 1], 1)], ids=str)
+@pytest.mark.parametrize(
+    "counts",
+    [
+        pytest.param(([2, 1], [2, 1], 1), marks=pytest.mark.slow),
+        ([2, 2], [2, 2], 2),
+        pytest.param(([1, 2], [3, 1], 1), marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
 def test_no_random_start_ends_lower(records, counts):
     """Orders that are right, too few and too many."""
     nb, nf, noise = counts

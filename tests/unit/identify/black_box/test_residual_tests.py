@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from statsmodels.tsa.stattools import acf, ccf
 
 from fmus.kit.errors import UserError
 from orchestration.identify.black_box import box_jenkins, input_output_data, output_error, residual_tests
-from tests.support.black_box import box_jenkins_record, response
+from tests.support.black_box import box_jenkins_record
 
 
 def coloured(random, samples, phi):
-    return response([1.0], [1.0, -phi], random.standard_normal(samples))
+    return lfilter([1.0], [1.0, -phi], random.standard_normal(samples))
 
 
 def test_correlations_agree_with_statsmodels():

@@ -20,6 +20,7 @@ from orchestration.identify.black_box.study.columns import read_columns
 from orchestration.identify.black_box.study.component import class_name, identifiers
 from tests.support.command import refused, works
 from tests.support.hosts import run_fmpy
+from tests.support.pace import slow_but
 
 STEP = 0.5
 
@@ -173,7 +174,7 @@ def test_columns_that_there_are_are_told_once(file):
         read_columns(file, "nope")
 
 
-@pytest.mark.parametrize("samples", [40, 120, 190])
+@pytest.mark.parametrize("samples", slow_but([40, 120, 190], 40))
 def test_few_samples_are_tested_as_far_as_they_go(tmp_path, samples):
     """Half of them estimate: of fewer than a hundred, 25 lags would be more than a quarter."""
     u, y = data()

@@ -60,7 +60,7 @@ def test_in_noise_it_predicts_as_the_kalman_filter_of_the_truth():
 def test_it_is_near_what_the_data_allow():
     """The innovations form of a Box-Jenkins system holds the states of all paths and of the noise."""
     fits = []
-    for seed in range(10):
+    for seed in range(5):
         record = box_jenkins_record(seed, offset=0.0)
         data = input_output_data(record.inputs, record.output, 1.0)
         found, best = state_space(data, 4, [1, 2]), box_jenkins(data, [2, 2], [2, 1], 1, 1, [1, 2])

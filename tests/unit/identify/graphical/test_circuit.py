@@ -17,6 +17,7 @@ from orchestration.identify import parameter_set
 from orchestration.identify.graphical.circuit import read_circuit
 from orchestration.identify.impedance import tustin
 from tests.support.command import PNG
+from tests.support.pace import slow_but
 
 R1, R2, C = TRUE = 0.43, 2.35, 2.70  # ohm, ohm, F
 STEP, NOISE = 0.1, 20e-3  # s, V
@@ -42,8 +43,8 @@ def test_without_noise_both_are_exact():
 
 
 def test_intervals_of_the_one_without_bias_hold_the_truth():
-    """Of 200 records: 95 %, within what chance allows; least squares holds it in none."""
-    draws, held, biased = 200, np.zeros(3, dtype=int), np.zeros(3, dtype=int)
+    """Of 100 records: 95 %, within what chance allows; least squares holds it in none."""
+    draws, held, biased = 100, np.zeros(3, dtype=int), np.zeros(3, dtype=int)
     for seed in range(draws):
         (window,) = read_circuit(*record(1000, seed)).windows
         held += [
@@ -138,7 +139,7 @@ def test_where_there_is_no_circuit_that_is_said(tmp_path):
         parameter_set.write(tmp_path / "no.ssv", reading.values, {"R1": None, "R2": None, "C": None})
 
 
-@pytest.mark.parametrize("resistance", [0.4, 7.0, 1e3])
+@pytest.mark.parametrize("resistance", slow_but([0.4, 7.0, 1e3], 0.4))
 def test_a_resistor_is_no_circuit(resistance):
     """Without noise, and with so little that it is rounding beside the voltage."""
     time = STEP * np.arange(2000)
