@@ -148,6 +148,12 @@ class Slot(Generic[Record]):
         """
         for _ in range(_ATTEMPTS):
             found = self._valid()
+            if (
+                len(found) == 1
+            ):  # the other is being written, and the one before it may have been, since this was copied
+                before, found = found, self._valid()
+                if len(found) == 1 and found != before:
+                    continue
             if found:
                 return self._kind(*self._layout.unpack(max(found)[1]))
             if not any(any(half[: _HEAD.size]) for half in self._halves):

@@ -98,6 +98,31 @@ def test_a_text_is_one_line_and_cut_to_what_there_is_room_for(text):
     assert len(read.encode()) >= min(len(line.encode()), 497)
 
 
+class Overtaken:
+    """The second copy of a slot, before which the writer writes both anew and begins with a third."""
+
+    def __init__(self, slot, *records):
+        self.slot, self.records, self.half = slot, records, slot._halves[1]
+
+    def __bytes__(self):
+        if self.records:
+            for record in self.records:
+                self.slot.write(record)
+            self.half[-1] ^= 1  # the last byte of the last one is still to come
+            self.records = ()
+        return bytes(self.half)
+
+
+def test_a_reader_that_is_overtaken_does_not_go_back():
+    memory = new_memory()
+    writer, reader = Board(memory).command, Board(memory).command
+    for k in (1, 2, 3):
+        writer.write(Command(1, k, float(k), pack([k])))
+    assert reader.read().accepted == 3.0
+    reader._halves[1] = Overtaken(writer, *(Command(1, k, float(k), pack([k])) for k in (4, 5)))
+    assert reader.read().accepted == 4.0  # of 2, 4 and half of 5 in the end
+
+
 def _write(memory, ready):
     board, value = Board(memory), 0.0
     ready.set()
