@@ -45,7 +45,7 @@ ACTS = {
     "changes_the_folder": (STEP, 'if (chdir("/")) abort()', ""),
     "prints_much": (STEP, "if (time < 1.05) print_much()", ""),
     "closes_every_file": (STEP, "close_from(0)", "process ended"),
-    "closes_files_and_hangs": (STEP, "(close_from(3), hang())", "could not be heard any more"),
+    "closes_files_and_hangs": (STEP, "(close_from(3), rest())", "could not be heard any more"),
     "becomes_another_program": (STEP, 'execl("/bin/sleep", "sleep", "300", NULL)', "could not be heard any more"),
     "leaves_a_process": (STEP, "if (time < 1.05) leave_process()", ""),
     "leaves_a_process_and_aborts": (STEP, "(leave_process(), abort())", "SIGABRT"),

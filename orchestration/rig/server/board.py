@@ -148,9 +148,7 @@ class Slot(Generic[Record]):
         """
         for _ in range(_ATTEMPTS):
             found = self._valid()
-            if (
-                len(found) == 1
-            ):  # the other is being written, and the one before it may have been, since this was copied
+            if len(found) == 1:  # the other is being written; and this one may have been, since it was copied
                 before, found = found, self._valid()
                 if len(found) == 1 and found != before:
                     continue

@@ -40,7 +40,7 @@ def work(tmp_path):
     return tmp_path / "work"
 
 
-@pytest.mark.parametrize("command", slow_but(COMMANDS, "build", "sweep by workers"))
+@pytest.mark.parametrize("command", slow_but(COMMANDS, "build"))
 def test_no_room_for_temporary_files(command, tmp_path, work):
     with disk_of_64_kib(tmp_path / "disk") as disk:
         environment = {"TMPDIR": str(disk), "PPY_CACHE": str(tmp_path / "cache")}

@@ -188,7 +188,7 @@ def test_a_member_that_fails_costs_no_record(folder):
     done = in_real_time(folder, "--out", "run.nc", *FAILING)
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].endswith("step from 0.5 s to 0.51 s failed (error): the rig has fallen silent")
-    done = ppy("run", "one.toml", "--out", "other.nc", *FAILING, cwd=folder)
+    done = here("run", "one.toml", "--out", "other.nc", *FAILING, cwd=folder)
     assert done.returncode == 2
     assert "the rig has fallen silent" in done.stderr.splitlines()[-1]
     for name in ("run.nc", "other.nc"):
