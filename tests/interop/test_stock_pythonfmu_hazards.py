@@ -21,7 +21,10 @@ from fmpy.fmi2 import FMU2Slave
 
 from tests.support import hosts
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="measured on Linux")
+pytestmark = [
+    pytest.mark.slow,  # nothing here is ours, or changes but with a version of theirs
+    pytest.mark.skipif(sys.platform != "linux", reason="measured on Linux"),
+]
 pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
 
 FATAL = 4

@@ -108,6 +108,7 @@ def test_it_stays_stable_in_much_noise():
         assert state_space(input_output_data(u, walk, 1.0), 4).model.is_stable()
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_samples_take_seconds():
     record = box_jenkins_record(3, 100_000)
     started = time.process_time()
