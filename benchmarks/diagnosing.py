@@ -26,7 +26,7 @@ from orchestration.rig.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 
-ROWS, RATE = (6_000, 60_000, 180_000, 600_000), 10.0  # samples, Hz
+ROWS, RATE = (6_000, 60_000, 180_000), 10.0  # samples, Hz
 FEW = ("strain_saturation", "quadratic_strain")  # effects that are looked at for a quick look
 LIMITS = {6_000: 5.0, 180_000: 60.0}  # s
 
