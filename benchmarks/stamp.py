@@ -14,6 +14,8 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
+from docs.draw_architecture import imports
+
 ROOT = Path(__file__).resolve().parent.parent
 _LINE = "Drawn with the code `{}`; `tests/end_to_end/test_studies.py` fails where the code has become another."
 _DOCUMENTED = ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef
@@ -81,27 +83,12 @@ def _carries(file: Path) -> bool:
 
 def _imported(file: Path) -> Iterator[Path]:
     """Modules that a file imports anywhere."""
-    package = file.relative_to(ROOT).parent.parts
-    for level, parts in _imports(file.read_text(encoding="utf-8")):
-        name = (*package[: len(package) + 1 - level], *parts) if level else parts
+    for name in (tuple(dotted.split(".")) for dotted in imports(file, ROOT)):
         if name[0] in _OURS:
             # the name is of a module, or else of something in it; a package on the way to a module adds nothing
             places = ROOT.joinpath(*name), ROOT.joinpath(*name[:-1])
             files = [each for place in places for each in (place / "__init__.py", place.with_suffix(".py"))]
             yield from [each for each in files if each.is_file()][:1]
-
-
-@cache
-def _imports(text: str) -> list[tuple[int, tuple[str, ...]]]:
-    """Names that a source imports, with how many packages up each is relative to; 0 if to none."""
-    found = []
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            found += [(0, tuple(alias.name.split("."))) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            of = tuple(node.module.split(".")) if node.module else ()
-            found += [(node.level, (*of, alias.name)) for alias in node.names]
-    return found
 
 
 def _meaning(file: Path) -> str:

@@ -60,21 +60,24 @@ def layers(container: str) -> list[list[str]]:
     return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
 
 
-@cache
-def imports(path: Path) -> tuple[str, ...]:
+def imports(path: Path, root: Path = ROOT) -> Iterator[str]:
     """Modules, or names in them, that a module imports, wherever in it the import stands."""
-    return tuple(_imports(path))
+    package = path.relative_to(root).parent.parts
+    for level, name in _named(path.read_text(encoding="utf-8")):
+        above = package[: len(package) + 1 - level] if level else ()
+        yield ".".join((*above, name))
 
 
-def _imports(path: Path) -> Iterator[str]:
-    package = path.relative_to(ROOT).parent.parts
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+@cache
+def _named(text: str) -> list[tuple[int, str]]:
+    """What a source imports, with how many packages up that is relative to; 0 if to none."""
+    found: list[tuple[int, str]] = []
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [(0, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) + 1 - node.level] if node.level else ()
-            module = ".".join((*above, *filter(None, [node.module])))
-            yield from (f"{module}.{alias.name}" for alias in node.names)
+            found += [(node.level, ".".join(filter(None, (node.module, alias.name)))) for alias in node.names]
+    return found
 
 
 def arrows(boxes: dict[str, str]) -> set[tuple[str, str]]:

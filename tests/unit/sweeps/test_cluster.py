@@ -131,7 +131,7 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
 @pytest.mark.parametrize(
     ("address", "told"),
     [
-        pytest.param("foo", "no address of a scheduler", marks=pytest.mark.slow),
+        ("foo", "no address of a scheduler"),
         pytest.param("nonsense://x:1", "no address of a scheduler", marks=pytest.mark.slow),
         pytest.param("tcp://localhost", "no address of a scheduler", marks=pytest.mark.slow),
         pytest.param("tcp://localhost:99999", "no address of a scheduler", marks=pytest.mark.slow),

@@ -31,7 +31,6 @@ def test_the_limit_of_the_galvanostat(tmp_path):
     assert changes(diagnosis) == {"galvanostat": {"current_limit": pytest.approx(0.45, rel=0.002)}}
 
 
-@pytest.mark.slow
 def test_the_voltage_limit_of_the_estimator(tmp_path):
     diagnosis = watched(tmp_path, values={"estimator.initial_voltage_limit": 1.1})
     assert changes(diagnosis) == {"estimator": {"initial_voltage_limit": pytest.approx(1.1, rel=0.002)}}

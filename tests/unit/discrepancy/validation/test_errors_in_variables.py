@@ -99,9 +99,9 @@ def test_noise_on_an_input_is_told_and_no_cause(kind):
         assert diagnosis.intersample["current"].linear is (kind == "triangle")
 
 
-# Of 40 such records of a triangle, two are taken to be held between samples: fits are held against each other by their
-# BIC, in which noise of the input, that the choice of the way moves with it, counts as evidence.
-WRONG_WAY = pytest.mark.xfail(strict=True, reason="one record in twenty with noise on a triangle goes the wrong way")
+# A record among them is taken to be held between samples: fits are held against each other by their BIC, in which noise
+# of the input, that the choice of the way moves with it, counts as evidence.
+WRONG_WAY = pytest.mark.xfail(strict=True, reason="noise on a triangle may turn the way between samples")
 
 
 @pytest.mark.slow
